@@ -57,7 +57,7 @@ def map_(
 
 
 def init(
-    videos: Annotated[list[Path] | None, typer.Argument(metavar="[VIDEO]...", help="A row is made for each.")] = None,
+    videos: Annotated[list[Path] | None, typer.Argument(metavar="VIDEO", help="A row is made for each.")] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The site file to write.")
     ] = Path("site.yaml"),

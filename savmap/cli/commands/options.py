@@ -59,7 +59,7 @@ MapFile = Annotated[
 
 FirstMap = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="[MAP]", help="A map.json, or the folder that holds it.", show_default="out/map.json"),
+    typer.Argument(metavar="MAP", help="A map.json, or the folder that holds it.", show_default="out/map.json"),
 ]
 """A map that may be left out before other arguments."""
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def import_(
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Tables (.csv, .tsv, .txt) and drawings (.dxf).")
+        list[Path], typer.Argument(metavar="FILE", help="Tables (.csv, .tsv, .txt) and drawings (.dxf).")
     ],
     output: Annotated[
         Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The survey file to write.")

@@ -13,7 +13,7 @@ from savmap.errors import SolveError
 from savmap.graph.calibration.report import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.initial.observability import UnknownScaleError, robust_fit
+from savmap.graph.initial.observability import SCALE_LIMIT, UnknownScaleError, robust_fit
 from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
@@ -32,7 +32,7 @@ from savmap.graph.solver.judgement.reference_tests import (
 from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
-from savmap.graph.solver.solution import Solution, build_solution, trajectory
+from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
 from savmap.types import Doubt, Floats, Trajectory
 
 Mask = NDArray[np.bool_]
@@ -41,6 +41,8 @@ SETTLED_BIAS = 0.1
 SOFT_ROUNDS = 3
 """Rounds with soft references: what fits hardly changes after them, and the rounds with the given ones begin with it."""
 OUTLIER_COST, CLEARLY = 12.5, 12.5
+LARGE = 2.0
+"""Times as far off as they should be: residuals of fewer are of good measurements with errors that persist, for which another reference is the remedy."""
 FAR_OFF_M = 0.25
 """A reference that is so far off a first fit to all would bend the path by which other structures are looked for."""
 
@@ -222,10 +224,30 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     except UnknownScaleError as error:
         doubts = "; ".join(doubt.line for doubt in judgement.doubts if doubt.kind == "reference")
         row = problem.camera.facts.name
+        if misfit := _misfit(iterate):
+            raise SolveError(f"row {row}: {misfit}{doubts and '; '}{doubts}") from None
         raise SolveError(f"row {row}: {doubts}; what is left does not give the scale") if doubts else error from None
     uses = tuple(reference_uses(judgement.given or problem, problem, estimate))
     every = (*solution.doubts, *judgement.doubts)
     return replace(solution, references=uses, doubts=every, unchecked=judgement.unchecked)
+
+
+def _misfit(iterate: Iterate) -> str:
+    """How far pixels are off, where that is what hides the scale: were they measured as well as they say, the references would give it. Empty
+    where the references themselves do not."""
+    problem, fit = iterate.problem, iterate.fit
+    if not fit.kept.any() or fit.scale < LARGE:
+        return ""
+    ones = np.ones(len(fit.kept))
+    as_given = replace(iterate, fit=replace(fit, scales=ones), persistence=Persistence(ones, ones))
+    if not scale_sigma(problem, iterate.estimate, _covariance(as_given, None)) < SCALE_LIMIT:
+        return ""
+    off_px = float(np.sqrt(np.mean(pixels_off(problem, fit)[fit.kept] ** 2)))
+    return (
+        f"what was measured does not fit together: pixels are off by {off_px:.1f} px, {fit.scale:.1f} times as far as they should be, which "
+        "hides the scale that the references give; check that the pictures are whole panoramas of one aisle, neither cropped nor "
+        "stretched, and the camera's height and other references"
+    )
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:

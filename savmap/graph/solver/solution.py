@@ -164,22 +164,22 @@ def build_solution(
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
     share = 1.0 - float(fit.kept.mean()) if len(fit.kept) else 0.0
-    scale_sigma = _scale_sigma(problem, estimate, covariance)
+    sigma = scale_sigma(problem, estimate, covariance)
     directional = directional_errors(problem, estimate, fit)
     if problem.camera.fixed is None:
-        require_known(problem, scale_sigma)
+        require_known(problem, sigma)
     return Solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
         landmarks=_landmarks(problem, estimate, fit, covariance, aside),
         references=tuple(test.use for test in tests),
         rejected=tuple(_rejected(problem, fit)),
-        warnings=(*notes, *_warnings(tests, share, scale_sigma)),
+        warnings=(*notes, *_warnings(tests, share, sigma)),
         report={
             "observations": len(fit.kept),
             "rejected": int((~fit.kept).sum()),
             "rejected_share": share,
             "residual_scale": fit.scale,
-            "scale_sigma": scale_sigma,
+            "scale_sigma": sigma,
             **inflation,
             "frames": len(problem.used),
             "landmarks": len(problem.keys),
@@ -251,13 +251,17 @@ def _landmarks(
 
 
 def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
-    """The distance (n,) of each measurement from its landmark, m: the Mahalanobis norm of its error times its least standard deviation in pixels, taken to
-    the landmark's distance from the camera."""
+    """The distance (n,) of each measurement from its landmark, m: that in pixels, taken to the landmark's distance from the camera."""
     measurements = problem.measurements
     focal = np.array([spec.camera[0, 0] for spec in measurements.views])[measurements.view]
-    least = np.sqrt(np.linalg.eigvalsh(measurements.covariances)[:, 0])
     away = np.linalg.norm(estimate.points[problem.at_key] - estimate.poses[problem.at_frame, :3, 3], axis=1)
-    return np.asarray(np.linalg.norm(fit.errors, axis=1) * least * away / focal)
+    return np.asarray(pixels_off(problem, fit) * away / focal)
+
+
+def pixels_off(problem: Problem, fit: Fit) -> Floats:
+    """How far (n,) each measurement is off, px: the Mahalanobis norm of its error times its least standard deviation."""
+    least = np.sqrt(np.linalg.eigvalsh(problem.measurements.covariances)[:, 0])
+    return np.asarray(np.linalg.norm(fit.errors, axis=1) * least)
 
 
 def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None) -> Trajectory:
@@ -290,7 +294,7 @@ def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:
     return filled
 
 
-def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
+def scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
     """Relative standard deviation of the scale: that of the best known distance along the aisle from the row's origin."""
     slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
     order = [slots[int(key)] for key in problem.keys]
@@ -300,9 +304,9 @@ def _scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -
     return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
 
 
-def _warnings(tests: list[ReferenceTest], share: float, scale_sigma: float) -> Iterator[str]:
-    if scale_sigma > VAGUE_SCALE:
-        yield f"the references give the scale to +-{scale_sigma:.1%} only: a known length would help"
+def _warnings(tests: list[ReferenceTest], share: float, sigma: float) -> Iterator[str]:
+    if sigma > VAGUE_SCALE:
+        yield f"the references give the scale to +-{sigma:.1%} only: a known length would help"
     yield from (test.line for test in tests if test.deviation > WARN_SIGMA)
     if share > MANY_REJECTED:
         yield f"{share:.0%} of the measurements did not fit and were left out"

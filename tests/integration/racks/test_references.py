@@ -1,5 +1,6 @@
 """Gauge and scale: what is missing is named, what contradicts is named."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import made_up_rack as made
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
-from savmap.graph import CameraHeight, KnownLength, References, SurveyedPoint, camera_priors, merge
-from savmap.graph.solver.solution import _scale_sigma
-from savmap.types import Trajectory
+from savmap.graph import CameraHeight, KnownLength, References, SolveOptions, SurveyedPoint, camera_priors, merge
+from savmap.graph.solver.solution import scale_sigma
+from savmap.types import Floats, Trajectory
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -39,6 +40,29 @@ def test_heights_that_differ_by_little_give_no_scale() -> None:
     own = constrain(world.tracks, world.facts, begin, settings=GridSettings(world.rack.lowest))
     with pytest.raises(SolveError, match="add a camera height or a known length"):
         made.solve(merge(camera_priors(world.facts, begin), own))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("warped", [False, True])
+def test_pixels_that_are_far_off_are_told_as_such(warped: bool) -> None:
+    """Camera height and section heights give the scale, but errors of 40 px, or a wrong projection, hide it."""
+    small = made.world(6, sections=3, frames=20, bridge=None)
+    rng, centre = np.random.default_rng(5), np.array([made.VIEW.width, made.VIEW.height]) / 2
+
+    def spoilt(pixels: Floats) -> Floats:
+        off = pixels - centre
+        bent = off * (1 - 0.5 * (off**2).sum(axis=1, keepdims=True) / centre[0] ** 2)
+        return centre + bent if warped else pixels + rng.normal(0, 40, pixels.shape)
+
+    world = replace(small, tracks=[replace(track, pixels=spoilt(track.pixels)) for track in small.tracks])
+    begin, options = made.begin(world), SolveOptions(judge=False)
+    with pytest.raises(SolveError, match=r"pixels are off by \d+\.\d px, \d+\.\d times as far as") as raised:
+        made.solve(made.problem(world, begin, made.references(world, length=False)), options)
+    assert "scale is not known" not in str(raised.value)
+    assert "neither cropped nor stretched" in str(raised.value)
+    assert "\n" not in str(raised.value)
+    with pytest.raises(SolveError, match="scale is not known; a camera height alone does not give it"):
+        made.solve(made.problem(world, begin, made.references(world, length=False), heights=False), options)
 
 
 def test_one_height_for_all_sections_gives_no_scale(small: made.World) -> None:
@@ -148,4 +172,4 @@ def test_one_badly_known_landmark_does_not_make_the_scale_unknown() -> None:
     problem = SimpleNamespace(keys=np.arange(3))
     estimate = SimpleNamespace(points=np.column_stack([along, along, along]))
     covariance = SimpleNamespace(keys=(2, 0, 1), points=np.diag(np.repeat(sigma[[2, 0, 1]] ** 2, 3)))
-    assert _scale_sigma(problem, estimate, covariance) == pytest.approx(0.003 / 9.9)  # type: ignore[arg-type]
+    assert scale_sigma(problem, estimate, covariance) == pytest.approx(0.003 / 9.9)  # type: ignore[arg-type]
