@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from savmap.cli.commands.options import Output, Plugins, Sets, names_of, written_to
+from savmap.cli.commands.options import Output, Plugins, Sets, names_of, output_option
 from savmap.cli.speech import say
 from savmap.files.urls import where
 
@@ -58,9 +58,7 @@ def map_(
 
 def init(
     videos: Annotated[list[Path] | None, typer.Argument(metavar="VIDEO", help="A row is made for each.")] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The site file to write.")
-    ] = Path("site.yaml"),
+    output: Annotated[Path, output_option("The site file to write.")] = Path("site.yaml"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite a file that is there.")] = False,
 ) -> None:
     """Write a commented site file to start from."""

@@ -1,7 +1,7 @@
 """Options that several commands have."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -28,9 +28,12 @@ def written_to(text: str) -> Path:
     return where(text)
 
 
-Output = Annotated[
-    Path, typer.Option("-o", "--output", parser=written_to, metavar="FOLDER", help="Folder for the results, or a URL.")
-]
+def output_option(says: str, metavar: str = "FILE") -> Any:
+    """The option -o of a command."""
+    return typer.Option("-o", "--output", parser=written_to, metavar=metavar, help=says)
+
+
+Output = Annotated[Path, output_option("Folder for the results, or a URL.", "FOLDER")]
 
 
 def map_of(path: Path | None) -> Path | None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from savmap.cli.commands.options import written_to
+from savmap.cli.commands.options import output_option
 from savmap.cli.speech import say
 
 app = typer.Typer(help="For those who write plugins.", no_args_is_help=True, rich_markup_mode=None)
@@ -21,9 +21,7 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="What site files call it, such as pillars.")],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", parser=written_to, metavar="FOLDER", help="A new folder (default: savmap-NAME)."
-        ),
+        output_option("A new folder (default: savmap-NAME).", "FOLDER"),
     ] = None,
     locates_camera: Annotated[
         bool,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from savmap.cli.commands.options import FirstMap, MapFile, the_map, warn_of_earlier, written_to
+from savmap.cli.commands.options import FirstMap, MapFile, output_option, the_map, warn_of_earlier
 from savmap.cli.speech import say, say_all
 
 if TYPE_CHECKING:
@@ -44,9 +44,7 @@ def report(
     against: Annotated[
         Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder: tell what changed since.")
     ] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The HTML page to write.")
-    ] = Path("report.html"),
+    output: Annotated[Path, output_option("The HTML page to write.")] = Path("report.html"),
 ) -> None:
     """Write a map's report: one HTML page with plan, states, references, errors and times."""
     from savmap.report.site_report import write_report
@@ -61,9 +59,7 @@ def compare(
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The later date: a map.json, or its folder.")],
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", parser=written_to, metavar="PAGE", help="Write an HTML page that shows both dates."
-        ),
+        output_option("Write an HTML page that shows both dates.", "PAGE"),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write all that was compared as JSON.")
@@ -137,9 +133,7 @@ def view(
 
 def export(
     map_file: MapFile,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The file to write.")
-    ],
+    output: Annotated[Path, output_option("The file to write.")],
     name: Annotated[
         str | None,
         typer.Option(
@@ -201,9 +195,7 @@ def align(
     known: Annotated[
         Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
     ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The map.json to write.")
-    ],
+    output: Annotated[Path, output_option("The map.json to write.")],
 ) -> None:
     """Say where a finished map stands in your own world, from places that are known in both."""
     from savmap.assembly import alignment_lines

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from savmap.cli.commands.options import Output, Sets, written_to
+from savmap.cli.commands.options import Output, Sets, output_option
 from savmap.cli.speech import say
 from savmap.errors import visible
 from savmap.files.urls import where
@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 def split(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A long panoramic video.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The site file to write.")
-    ] = Path("site.yaml"),
+    output: Annotated[Path, output_option("The site file to write.")] = Path("site.yaml"),
     into: Annotated[Path | None, typer.Option(help="Add the rows to this site file instead.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write a contact sheet of the passes (PNG).")] = None,
 ) -> None:
@@ -78,9 +76,7 @@ def simulate(
 def train(
     plugin: Annotated[str, typer.Argument(metavar="PLUGIN", help="The plugin whose network is to be trained.")],
     data: Annotated[list[Path], typer.Option(help="Labelled pictures: a folder, or its file; may be repeated.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The ONNX file to write.")
-    ] = Path("model.onnx"),
+    output: Annotated[Path, output_option("The ONNX file to write.")] = Path("model.onnx"),
     minutes: Annotated[
         float | None, typer.Option(min=0, help="How long to train (60; fine-tuning: 20).", show_default=False)
     ] = None,

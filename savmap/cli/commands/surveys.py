@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from savmap.cli.commands.options import map_of, written_to
+from savmap.cli.commands.options import map_of, output_option
 from savmap.cli.speech import say
 
 if TYPE_CHECKING:
@@ -14,12 +14,8 @@ if TYPE_CHECKING:
 
 
 def import_(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FILE", help="Tables (.csv, .tsv, .txt) and drawings (.dxf).")
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", parser=written_to, metavar="FILE", help="The survey file to write.")
-    ] = Path("survey.json"),
+    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Tables (.csv, .tsv, .txt) and drawings (.dxf).")],
+    output: Annotated[Path, output_option("The survey file to write.")] = Path("survey.json"),
     map_file: Annotated[
         Path | None,
         typer.Option(
