@@ -54,22 +54,25 @@ def local_name(path: Path) -> str:
 @contextmanager
 def open_video(path: Path, hardware: HWAccel | None = None) -> Iterator[tuple[InputContainer, VideoStream]]:
     """A video file's container and first video stream. Raises VideoError where the file cannot be read."""
-    try:
-        source = path.open("rb") if is_url(path) else local_name(path)
-        container = av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
-    except (av.error.FFmpegError, OSError) as error:
-        raise VideoError(f"{path}: {_why_unreadable(path, error)}") from error
-    with container:
+    with _opened(path, hardware) as container:
         yield container, _main_stream(path, container)
 
 
 def is_video(path: Path) -> bool:
-    """Whether a file can be opened as a video, of whatever pictures."""
+    """Whether a file can be opened and has pictures, whatever they show."""
     try:
-        with open_video(path):
-            return True
+        with _opened(path) as container:
+            return bool(container.streams.video)
     except VideoError:
         return False
+
+
+def _opened(path: Path, hardware: HWAccel | None = None) -> InputContainer:
+    try:
+        source = path.open("rb") if is_url(path) else local_name(path)
+        return av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
+    except (av.error.FFmpegError, OSError) as error:
+        raise VideoError(f"{path}: {_why_unreadable(path, error)}") from error
 
 
 def _main_stream(path: Path, container: InputContainer) -> VideoStream:
@@ -150,7 +153,8 @@ def _require_one_recording(info: VideoInfo, container: InputContainer, stream: V
             kinds = list(part_kinds(file))
         suspect = max(kinds.count(b"moov"), kinds.count(MATROSKA[0])) > 1
     if suspect:
-        container.seek(0, unsupported_byte_offset=container.format.name in SEARCHED_BY_TIME)
+        with suppress(av.error.FFmpegError):
+            container.seek(0, unsupported_byte_offset=container.format.name in SEARCHED_BY_TIME)
         for _ in in_order(_packet_times(container, stream), 0.0, info):
             pass
         if b"moov" in kinds and b"moof" not in kinds:

@@ -12,7 +12,7 @@ from savmap.site.model import Site
 from savmap.site.references import calibration_of, misnamed, references_of
 from savmap.site.sections import Length, ReferenceSection
 
-from ..video.made_up_video import evenly, write_video
+from ..video.made_up_video import write_recording
 
 GOOD = """\
 plugins:
@@ -287,8 +287,9 @@ def test_another_file_is_called_what_it_is(tmp_path: Path, name: str, text: str,
 
 
 @pytest.mark.parametrize("name", ["aisle.mp4", "aisle", "site.yaml"])
-def test_a_video_is_called_one_whatever_its_name(tmp_path: Path, name: str) -> None:
-    write_video(tmp_path / "a.mkv", evenly(5, 15)).rename(tmp_path / name)
+@pytest.mark.parametrize("lenses", [1, 2])
+def test_a_video_is_called_one_whatever_its_name(tmp_path: Path, name: str, lenses: int) -> None:
+    write_recording(tmp_path / "a.mkv", 5, lenses=lenses).rename(tmp_path / name)
     with pytest.raises(SiteError, match="is a video, not a site file; `savmap init` writes one for it"):
         load_site(tmp_path / name)
 

@@ -51,16 +51,20 @@ def write_recording(
     container: str | None = None,
     options: dict[str, str] | None = None,
     first: int = 0,
+    lenses: int = 1,
 ) -> Path:
     """A video of `count` pictures at 25 a second from 0 on, as codecs of fixed rates take them; `container`: FFmpeg's name of its kind,
-    if the file's does not say it."""
+    if the file's does not say it; `lenses`: so many streams of the same."""
     with av.open(str(path), "w", format=container, options=options or {}) as made:
-        stream = made.add_stream(codec, rate=25)
-        stream.width, stream.height, stream.pix_fmt = 128, 64, "yuv420p"
-        stream.gop_size = 10
+        streams = [made.add_stream(codec, rate=25) for _ in range(lenses)]
+        for stream in streams:
+            stream.width, stream.height, stream.pix_fmt = 128, 64, "yuv420p"
+            stream.gop_size = 10
         for index in range(count):
-            frame = av.VideoFrame.from_ndarray(picture(first + index), format="rgb24")
-            frame.pts, frame.time_base = index, Fraction(1, 25)
-            made.mux(stream.encode(frame))
-        made.mux(stream.encode())
+            for stream in streams:
+                frame = av.VideoFrame.from_ndarray(picture(first + index), format="rgb24")
+                frame.pts, frame.time_base = index, Fraction(1, 25)
+                made.mux(stream.encode(frame))
+        for stream in streams:
+            made.mux(stream.encode())
     return path
