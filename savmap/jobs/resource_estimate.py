@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.serialization import packed
-from savmap.jobs.run_clock import SOLVED
+from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
 from savmap.pipeline.row import measure
@@ -24,15 +24,17 @@ FRAMES, WARM = 14, 4
 
 @dataclass
 class ProbeMonitor:
-    """A Monitor that lets only the first few frames of a pass through, and notes on the clock when each was asked for."""
+    """A Monitor that lets only the first few frames of a pass through, and notes, on the clock and in the processor's seconds, when each was asked
+    for in the first walk."""
 
-    clock: list[float] = field(default_factory=list)
+    ticks: list[tuple[float, float]] = field(default_factory=list)
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        ticks = self.ticks if not self.ticks else []
         for item in islice(items, FRAMES):
-            self.clock.append(time.perf_counter())
+            ticks.append(_now())
             yield item
-        self.clock.append(time.perf_counter())
+        ticks.append(_now())
 
     def note(self, line: str) -> None:
         """Lines are for runs."""
@@ -41,33 +43,34 @@ class ProbeMonitor:
         """So is this."""
 
 
+def _now() -> tuple[float, float]:
+    return time.perf_counter(), time.process_time()
+
+
 @dataclass(frozen=True)
 class Rate:
-    """Seconds to choose a pass's views, seconds a frame, and bytes a frame of what is kept of it."""
+    """Seconds to choose a pass's views, what a frame costs, and bytes a frame of what is kept of it."""
 
     plan_s: float
-    frame_s: float
+    cost: FrameCost
     frame_bytes: float
 
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """What a run will take with one worker: frames, seconds of measuring them, seconds of solving where an earlier run tells,
-    MB on disk for what is kept of the rows, MB of memory that were in use after a few frames."""
+    """What a run will take with one worker: frames, seconds of measuring them, seconds of all that comes after that, MB on disk for what is kept
+    of the rows, MB of memory that were in use after a few frames. A second look at the frames, which most rows do not need, is not in it."""
 
     frames: int
     measure_s: float
-    solve_s: float | None
+    after_s: float
     disk_mb: float
     memory_mb: float
 
     def lines(self) -> Iterator[str]:
         """For people."""
         yield f"{self.frames} frames; measuring them will take about {duration(self.measure_s)} with one worker on this machine"
-        solve = (
-            f"about {duration(self.solve_s)}, by the last run's rate" if self.solve_s is not None else "not known yet"
-        )
-        yield f"solving comes on top: {solve}"
+        yield f"solving and writing come on top: about {duration(self.after_s)}; so does measuring once more where a row needs a second look"
         yield f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows; at least {self.memory_mb:.0f} MB of memory a worker"
 
 
@@ -81,10 +84,12 @@ def resource_estimate(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
     parts = [(part.frames, rates[_kind(job, part)]) for part in footage]
     frames = sum(count for count, _ in parts)
     solving = _solve_rate(job.output)
+    later = [PICTURED] if solving is not None else [SOLVED, PICTURED]
     return ResourceEstimate(
         frames,
-        sum(rate.plan_s + count * rate.frame_s for count, rate in parts),
-        None if solving is None else solving * frames,
+        sum(rate.plan_s + count * rate.cost.frame_s + rate.cost.after_s(count, [MEASURED]) for count, rate in parts),
+        sum(rate.cost.after_s(count, later) + rate.cost.drawn_s(count) for count, rate in parts)
+        + frames * (solving or 0.0),
         sum(count * rate.frame_bytes for count, rate in parts) / 1e6,
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB,
     )
@@ -118,10 +123,9 @@ def _rate(job: Job, part: Footage) -> Rate:
     with warnings_held_back():  # of a few frames, which show a part of the row
         measured = measure(request, probe)
     stored = packed(measured.measurements) + packed(measured.strips)
-    warm = min(WARM, len(probe.clock) - 2)
-    timed = probe.clock[warm:]
-    frame_s = (timed[-1] - timed[0]) / (len(timed) - 1)
-    return Rate(probe.clock[0] - begin, frame_s, len(stored) / (len(probe.clock) - 1))
+    ticks = probe.ticks
+    cost = FrameCost.of(ticks[min(WARM, len(ticks) - 2) :])
+    return Rate(ticks[0][0] - begin, cost, len(stored) / (len(ticks) - 1))
 
 
 def _solve_rate(output: Path) -> float | None:

@@ -4,7 +4,7 @@ import heapq
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -33,7 +33,7 @@ class FrameCost:
     single_s: float
 
     @classmethod
-    def of(cls, ticks: list[tuple[float, float]]) -> "FrameCost":
+    def of(cls, ticks: Sequence[tuple[float, float]]) -> "FrameCost":
         """From the clock's and the processor's seconds (n > 1) at the ends of frames."""
         wall, processor = ((ticks[-1][k] - ticks[0][k]) / (len(ticks) - 1) for k in (0, 1))
         return cls(wall, max(wall, processor))

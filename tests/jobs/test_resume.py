@@ -18,6 +18,15 @@ pytestmark = pytest.mark.slow
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 KILLS, HALF_S = 5, 9
+KEEPS_EACH_FRAME = """
+from savmap.files import journal
+
+journal.KEEP_S = 0.0
+if __name__ == "__main__":
+    from savmap.cli.app import main
+
+    main()
+"""
 LOWEST_M = [0.30256, 0.17517]
 """Of the sections that this half shows."""
 
@@ -42,7 +51,9 @@ def site(folder: Path, **more: Any) -> Path:
 
 def savmap(path: Path, *options: str) -> "subprocess.Popen[str]":
     """`savmap map` of the site beside its file, shelves alone, in two processes."""
-    command = [sys.executable, "-c", "from savmap.cli.app import main; main()"]
+    script = path.with_suffix(".py")
+    script.write_text(KEEPS_EACH_FRAME, encoding="utf-8")
+    command = [sys.executable, str(script)]
     arguments = ["map", str(path), "--plugins", "shelves", "-o", str(path.parent / "out"), *options]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     return subprocess.Popen([*command, *arguments], text=True, start_new_session=True, **pipes)
@@ -75,8 +86,17 @@ def test_a_killed_run_repeated_gives_the_same_map(undisturbed: Path, tmp_path: P
         process.kill()
         process.communicate()
         assert not workers_of(process.pid)
+    process = savmap(path, "--jobs", "2")
+    while not list(tmp_path.glob("out/stages/*/frames-1")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.kill()
+    process.communicate()
+    assert not workers_of(process.pid)
     code, said, _ = finish(path, "--jobs", "2")
     assert code == 0, said
+    assert "is kept from an earlier run" in said
+    assert not list(tmp_path.glob("out/stages/*/frames-*"))
     assert (tmp_path / "out" / "map.json").read_bytes() == (undisturbed.parent / "out" / "map.json").read_bytes()
     assert not list(tmp_path.rglob("*.part"))
 
