@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import TypeVar
 
 from savmap.types.progress import Monitor
@@ -53,14 +53,15 @@ class FrameCost:
 
 @dataclass(eq=False)
 class _Row:
-    """How far a row is: the stages that are not done, the one in work and since when, walks that began and ended, and how many frames of
-    the last walk are done."""
+    """How far a row is: the stages that are not done, the one in work, since when and for how many frames of all its rows, walks that began and
+    ended, and how many frames of the last walk are done."""
 
     frames: int
     passes: int
     stages: list[str]
     stage: str = ""
     since_s: float = 0.0
+    at_once: int = 0
     begun: int = 0
     ended: int = 0
     done: int = 0
@@ -73,15 +74,21 @@ class _Row:
 
 
 class RunClock:
-    """The rows of a run by name, with their frames and passes. Tells the monitor every second how long the rest will take, once a row's
-    frames tell how long they take."""
+    """The rows of a run by name, with their frames and passes, in groups that are solved together. Tells the monitor every second how long the
+    rest will take, once a row's frames tell how long they take."""
 
-    def __init__(self, rows: Mapping[str, tuple[int, int]], monitor: Monitor, pictures: bool) -> None:
+    def __init__(
+        self,
+        rows: Mapping[str, tuple[int, int]],
+        groups: Iterable[Sequence[str]],
+        monitor: Monitor,
+        pictures: bool,
+    ) -> None:
         stages = [MEASURED, SOLVED, *([PICTURED] if pictures else [])]
         self.rows = {name: _Row(frames, passes, [*stages]) for name, (frames, passes) in rows.items()}
+        self.groups = [[self.rows[name] for name in names] for names in groups]
         self.monitor, self._lock = monitor, threading.Lock()
         self._seen: dict[str, list[float]] = {stage: [] for stage in stages}
-        self._drawn = 0
 
     def task(self, key: tuple[str, tuple[str, ...]], processor_s: Callable[[], float]) -> Monitor:
         """A task begins: its monitor. `processor_s`: gives the seconds that its process has used of the processor."""
@@ -90,6 +97,7 @@ class RunClock:
             for name in names:
                 row = self.rows[name]
                 row.stage, row.since_s, row.begun, row.ended, row.done = stage, time.monotonic(), 0, 0, 0
+                row.at_once = sum(self.rows[name].frames for name in names)
                 if stage == MEASURED:
                     row.ticks.clear()
         return _TaskMonitor(self, self.rows[names[0]], processor_s)
@@ -101,7 +109,7 @@ class RunClock:
             if row.stage == stage:
                 spent_s = time.monotonic() - row.since_s
                 if stage != MEASURED or row.ended == row.passes:  # with a second look there is no telling
-                    self._seen[stage].append(spent_s / row.frames)
+                    self._seen[stage].append(spent_s / row.at_once)
             row.stage = ""
             self._drop(row, stage)
 
@@ -116,38 +124,38 @@ class RunClock:
             row.stages.remove(stage)
 
     def left_s(self, workers: int) -> float | None:
-        """Seconds that the run will still take; None while nothing tells. Rows are given to the worker that is free first, the longest ones
-        first."""
+        """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones are solved."""
         with self._lock:
-            costs = {
-                name: FrameCost.of([*row.ticks]) for name, row in self.rows.items() if len(row.ticks) >= LEAST_STEPS
-            }
-            if not costs:
+            known = {row: FrameCost.of([*row.ticks]) for row in self.rows.values() if len(row.ticks) >= LEAST_STEPS}
+            if not known:
                 return None
             usual = FrameCost(
-                sum(cost.frame_s for cost in costs.values()) / len(costs),
-                sum(cost.single_s for cost in costs.values()) / len(costs),
+                *(sum(figures) / len(known) for figures in zip(*map(astuple, known.values()), strict=True))
             )
-            rows = [self._row_left_s(row, costs.get(name, usual)) for name, row in self.rows.items()]
-            drawn = sum(usual.drawn_s(row.frames) for row in self.rows.values())
-        busy = [0.0] * workers
-        for seconds in sorted(rows, reverse=True):
-            heapq.heapreplace(busy, busy[0] + seconds)
-        return max(busy) + drawn
+            costs = {row: known.get(row, usual) for row in self.rows.values()}
+            measured = [self._measured_s(row, cost) for row, cost in costs.items()]
+            solved = [self._single_s(rows, SOLVED, costs) for rows in self.groups]
+            pictured = [self._single_s([row], PICTURED, costs) for row in costs]
+        drawn = sum(cost.drawn_s(row.frames) for row, cost in costs.items())
+        return sum(_makespan_s(stage, workers) for stage in (measured, solved, pictured)) + drawn
 
-    def _row_left_s(self, row: _Row, cost: FrameCost) -> float:
-        spent_s = time.monotonic() - row.since_s
-        left_s = 0.0
-        for stage in row.stages:
-            stage_s = self._stage_s(row, stage, cost)
-            if stage == MEASURED and not row.is_walked:
-                ahead = row.frames - row.done
-                left_s += stage_s + max(ahead, 0) * cost.frame_s + cost.plan_s(row.passes - row.begun)
-            elif stage == MEASURED and row.begun > row.ended:
-                left_s += stage_s / 2 + max(row.frames - row.done, 0) * cost.frame_s
-            else:
-                left_s += max(stage_s - spent_s, stage_s / 10) if stage == row.stage else stage_s
-        return left_s
+    def _measured_s(self, row: _Row, cost: FrameCost) -> float:
+        """Of measuring a row: the frames that are ahead, and what follows them."""
+        if MEASURED not in row.stages:
+            return 0.0
+        frames_s = max(row.frames - row.done, 0) * cost.frame_s
+        if not row.is_walked:
+            return frames_s + cost.plan_s(row.passes - row.begun) + self._stage_s(row, MEASURED, cost)
+        if row.begun > row.ended:
+            return frames_s + self._stage_s(row, MEASURED, cost) / 2
+        return self._single_s([row], MEASURED, {row: cost})
+
+    def _single_s(self, rows: Sequence[_Row], stage: str, costs: Mapping[_Row, FrameCost]) -> float:
+        """Of a stage of rows that are worked on together, without what is done frame by frame: never nothing until it is done."""
+        ahead = [row for row in rows if stage in row.stages]
+        whole_s = sum(self._stage_s(row, stage, costs[row]) for row in ahead)
+        spent_s = max((time.monotonic() - row.since_s for row in ahead if row.stage == stage), default=0.0)
+        return max(whole_s - spent_s, whole_s / 10)
 
     def _stage_s(self, row: _Row, stage: str, cost: FrameCost) -> float:
         """Of a stage, without what is done frame by frame."""
@@ -188,6 +196,14 @@ class RunClock:
         finally:
             closed.set()
             thread.join()
+
+
+def _makespan_s(tasks_s: Iterable[float], workers: int) -> float:
+    """Of tasks that are given to the worker that is free first, the longest ones first."""
+    busy = [0.0] * workers
+    for seconds in sorted(tasks_s, reverse=True):
+        heapq.heapreplace(busy, busy[0] + seconds)
+    return max(busy)
 
 
 class _TaskMonitor:

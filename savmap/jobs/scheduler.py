@@ -72,7 +72,7 @@ def map_rows_of(
     begin = time.monotonic()
     groups = groups_of(job)
     sizes = {name: (frames_of(row.passes), len(row.passes)) for name, row in job.site.rows.items()}
-    clock = RunClock(sizes, monitor, with_pictures)
+    clock = RunClock(sizes, groups, monitor, with_pictures)
     executor, workers = options.executor(job, len(groups), clock.task)
     progress = _Progress(job, cache, executor, monitor, groups, clock, with_pictures)
     try:

@@ -1,6 +1,7 @@
 """How long a run will take: told from frames and stages that were done, and right to a third."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import pytest
 
@@ -62,7 +63,7 @@ def run(
 @pytest.mark.parametrize("names", ["A", "AB", "ABCDE"])
 @pytest.mark.parametrize("factor", [0.85, 1.0, 1.2])
 def test_the_rest_of_a_run_is_told_to_a_third(names: str, factor: float, machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys(names, (100, 1)), SilentMonitor(), pictures=True)
+    clock = RunClock(dict.fromkeys(names, (100, 1)), names, SilentMonitor(), pictures=True)
     assert clock.left_s(1) is None
     shares = {stage: factor * share for stage, share in run_clock.SHARES.items()}
     told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, names, 100, shares)]
@@ -72,7 +73,7 @@ def test_the_rest_of_a_run_is_told_to_a_third(names: str, factor: float, machine
 
 
 def test_stages_that_were_seen_count_more_than_the_shares(machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys("ABC", (50, 1)), SilentMonitor(), pictures=True)
+    clock = RunClock(dict.fromkeys("ABC", (50, 1)), "ABC", SilentMonitor(), pictures=True)
     shares = {stage: 4 * share for stage, share in run_clock.SHARES.items()}
     told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, "ABC", 50, shares)]
     now, left = min(told, key=lambda one: abs(one[0] - 0.5 * machine.now))
@@ -80,7 +81,7 @@ def test_stages_that_were_seen_count_more_than_the_shares(machine: Machine) -> N
 
 
 def test_rows_are_shared_among_workers(machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys("ABCD", (100, 1)), SilentMonitor(), pictures=False)
+    clock = RunClock(dict.fromkeys("ABCD", (100, 1)), "ABCD", SilentMonitor(), pictures=False)
     monitor = clock.task(("measured", ("A",)), lambda: machine.processor)
     for _ in monitor.each(range(20), "measuring", 100):
         machine.work(FRAME_S)
@@ -97,7 +98,7 @@ def test_rows_are_shared_among_workers(machine: Machine) -> None:
 
 
 def test_a_second_look_is_counted_while_it_is_taken(machine: Machine) -> None:
-    clock = RunClock({"A": (100, 1)}, SilentMonitor(), pictures=False)
+    clock = RunClock({"A": (100, 1)}, "A", SilentMonitor(), pictures=False)
     monitor = clock.task(("measured", ("A",)), lambda: machine.processor)
     for _ in monitor.each(range(100), "measuring", 100):
         machine.work(FRAME_S)
@@ -115,3 +116,40 @@ def test_a_second_look_is_counted_while_it_is_taken(machine: Machine) -> None:
 def test_work_for_one_core_takes_the_processor_s_time() -> None:
     assert FrameCost.of([(0.0, 0.0), (1.0, 1.5), (2.0, 3.0)]) == FrameCost(1.0, 1.5)
     assert FrameCost.of([(0.0, 0.0), (1.0, 0.6), (2.0, 1.2)]) == FrameCost(1.0, 1.0)
+
+
+A_AND_B = {"A": (19.3, 0.656, 33.6, 2.4), "B": (18.2, 0.915, 36.6, 3.4)}
+SOLVED_S, DRAWN_S = 51.2, 3.3
+"""What rows A and B of the demo's aisle took in an earlier run: choosing the views, each of 100 frames, what follows these, and the orthophoto, in the
+processor's seconds; the solve of both, and the files."""
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4, 0.6, 0.8])
+def test_a_run_of_two_rows_as_they_were_is_told_to_a_third(share: float, machine: Machine) -> None:
+    """Each row in a process with a core of its own; they are solved together."""
+    end = 18.2 + 91.5 + 36.6 + SOLVED_S + 3.4 + DRAWN_S
+    clock = RunClock(dict.fromkeys("AB", (100, 1)), ["AB"], SilentMonitor(), pictures=True)
+    told: list[float] = []
+
+    def until(moment: float) -> None:
+        if machine.now < share * end <= moment:
+            machine.now = share * end
+            told.append(clock.left_s(2) or 0.0)
+        machine.now = machine.processor = moment
+
+    events: list[tuple[float, Callable[[], object]]] = []
+    for name, (plan_s, frame_s, after_s, _) in A_AND_B.items():
+        steps = clock.task(("measured", (name,)), lambda: machine.now).each(range(100), "measuring", 100)
+        events += [(plan_s + number * frame_s, partial(next, steps, None)) for number in range(101)]
+        events.append((plan_s + 100 * frame_s + after_s, partial(clock.end, "measured", name)))
+    for moment, event in sorted(events, key=lambda one: one[0]):
+        until(moment)
+        event()
+    clock.task(("solved", ("A", "B")), lambda: machine.now)
+    until(machine.now + SOLVED_S)
+    for name in "AB":
+        clock.end("solved", name)
+        clock.task(("pictured", (name,)), lambda: machine.now)
+    until(end - DRAWN_S)
+    until(end)
+    assert told[0] == pytest.approx((1 - share) * end, rel=1 / 3)
