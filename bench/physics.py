@@ -146,8 +146,8 @@ def ending(case: Case, row: Filmed, output: Path, before: Unchanged) -> Ending:
     assert found.verdict is not None
     told = any(_unnoticed(note, case.words) >= case.off_m for note in found.verdict.notes)
     doubts = [doubt for doubt in found.verdict.doubts if (doubt.kind, doubt.structures) not in before.doubts]
-    true = "; ".join(doubt.what for doubt in doubts if doubt.kind in case.kinds)
-    others = "; ".join(f"({doubt.what})" for doubt in doubts if doubt.kind not in case.kinds)
+    true = "; ".join("; ".join((doubt.line, *doubt.details)) for doubt in doubts if doubt.kind in case.kinds)
+    others = "; ".join(f"({doubt.line})" for doubt in doubts if doubt.kind not in case.kinds)
     return Ending(found.verdict.grade, true, worst, told, others)
 
 
@@ -155,7 +155,7 @@ def _unnoticed(note: str, words: Sequence[str]) -> float:
     """The error of a reference that a note says nobody would notice, m."""
     if note.startswith(("one reference gives", "nothing checks")):
         return np.inf if any(word and word in note for word in words) else 0.0
-    sizes = re.findall(r"of ([\d.]+) m in ([^;]+?)(?=, of |;)", note)
+    sizes = re.findall(r"of ([\d.]+) m in ([^;]+?)(?=;|$)", note)
     return max((float(size) for size, name in sizes if any(word and word in name for word in words)), default=0.0)
 
 

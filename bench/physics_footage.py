@@ -91,7 +91,7 @@ def mapped(site: Path, survey: Path) -> dict[str, Any]:
     lost = sum(score.missing.values()) + sum(score.spurious.values())
     return {
         "ending": row.verdict.grade,
-        "reasons": [f"{doubt.kind}: {doubt.what}" for doubt in row.verdict.doubts],
+        "reasons": [f"{doubt.kind}: {doubt.line}" for doubt in row.verdict.doubts],
         "right": not off and not lost,
         "mean_cm": 100 * float(np.mean(list(score.deviations.values()))) if score.deviations else float("inf"),
         "worst_cm": 100 * max(score.deviations.values(), default=float("inf")),
@@ -122,7 +122,7 @@ def run(case: Case, clip: Path, frames: Frames, site: Path, attitude: Floats, wh
     """One case on one row, whose changed clip is written already."""
     start = time.perf_counter()
     error, doubts = looked_at(clip, attitude)
-    reasons = [error] if error else [f"{doubt.kind}: {doubt.what}" for doubt in doubts]
+    reasons = [error] if error else [f"{doubt.kind}: {doubt.line}" for doubt in doubts]
     result: dict[str, Any] = {"ending": "refused" if error else "check", "reasons": reasons, "by": "footage"}
     if which == "all" or (which == "quiet" and not reasons):
         result = mapped(site_of(site, clip, case, frames[-1][0]), site.with_name("survey.json"))

@@ -86,11 +86,11 @@ def missing_lamps(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
 
 def judged(doubt: Doubt, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]) -> list[str]:
     """What of that which is wrong a doubt names: by its structures; by what it says of what is near one; all where it names none."""
-    named = [*doubt.structures, *(name for name in structures if not doubt.structures and f"{name} " in doubt.what)]
+    named = [*doubt.structures, *(name for name in structures if not doubt.structures and f"{name} " in f"{doubt.line} ")]
     if not named:
         return [*wrong]
     own = [name for name in named if name in wrong]
-    if "missing" in doubt.what or "shines" in doubt.what:
+    if "missing" in doubt.line or "shines" in doubt.line:
         sections = {name.split(" / ")[0] for name in named}
         own += [name for name in wrong if " lacks " in name and name.split(" lacks ")[0] in sections]
         own += [
@@ -119,7 +119,7 @@ def verdict_of(folder: Path) -> dict[str, Any]:
     return {
         "verdict": row.verdict.grade if row.verdict else "-",
         "doubts": [
-            asdict(Told(f"{d.kind}: {d.what}", "; ".join(f"{n}: {wrong[n][1]}" for n in own))) for d, own in told
+            asdict(Told(f"{d.kind}: {d.line}", "; ".join(f"{n}: {wrong[n][1]}" for n in own))) for d, own in told
         ],
         "unnamed": {one: what for one, (gross, what) in wrong.items() if gross and one not in named},
     }
