@@ -5,24 +5,21 @@ import gzip
 import json
 import re
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-import cv2
 import numpy as np
 import pytest
 from made_up_dates import dated_site, grey_photo
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
-from savmap.maps.comparison import Comparison, RowComparison, RowMotion, State, compare_maps
+from savmap.maps.comparison import Comparison, RowComparison, RowMotion, compare_maps
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
-from savmap.report import viewer
 from savmap.report.site_report import viewed
 from savmap.report.viewer import Before, View, write_view
-from savmap.types import Floats, SiteMap
+from savmap.types import SiteMap
 
 OLD = dated_site(1, without=("section 4 / beam 2",), moved_m=0.7)
 NEW = dated_site(2, lifted_m=0.03, without=("section 2 / beam 3",))
@@ -139,33 +136,6 @@ def test_view_command_takes_an_old_date(folders: tuple[Path, Path]) -> None:
         "face/old/small/A.js",
         "face/old/A.js",
     ]
-
-
-def as_seen(colours: Floats, deficiency: str) -> Floats:
-    """Linear sRGB (n, 3) as people without one kind of cones see it (Machado et al. 2009), in CIELAB."""
-    matrices = {
-        "none": np.eye(3),
-        "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-        "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
-        "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
-    }
-    seen = np.clip(colours @ np.array(matrices[deficiency]).T, 0, 1).astype(np.float32)
-    gamma = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055).astype(np.float32)
-    lab: Floats = cv2.cvtColor(gamma[None], cv2.COLOR_RGB2LAB)[0].astype(np.float64)
-    return lab
-
-
-@pytest.mark.parametrize("deficiency", ["none", "protan", "deutan", "tritan"])
-def test_states_are_told_apart_by_colour_blind_people(deficiency: str) -> None:
-    source = Path(viewer.__file__).with_name("source") / "scene" / "colours.js"
-    table = re.search(r"STATE_COLOURS = {(.*?)};", source.read_text("utf-8"), re.DOTALL)
-    assert table
-    codes = dict(re.findall(r'"?(\b[\w ]+)"?: "(#\w{6})"', table[1]))
-    assert set(codes) == set(get_args(State))
-    srgb = np.array([[int(code[k : k + 2], 16) / 255 for k in (1, 3, 5)] for code in codes.values()])
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-    lab = as_seen(linear, deficiency)
-    assert min(float(np.linalg.norm(a - b)) for a, b in combinations(lab, 2)) > 20
 
 
 def test_report_tells_what_changed(folders: tuple[Path, Path], tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ export function buildBanner(viewer) {
   banner.addEventListener("click", () => {
     viewer.goToRow(toCheck(site));
     viewer.setMode("verdict");
-    byId("doubted").scrollIntoView({ block: "start" });
+    byId("side").scrollTop = byId("doubted").offsetTop;
     byId("doubts").querySelector("button")?.focus({ preventScroll: true });
   });
   byId("notice-close").setAttribute("aria-label", text.close);

@@ -12,7 +12,7 @@ const SHADES = {
     rule: ["#1b1f24", "#ffffff"],
     selected: "#e8007d",
     ellipsoids: "#8e4585",
-    labels: ["#0b6096", "#c4501b", "#0a7d5c", "#8e4585", "#8a6d00", "#2f7fb8", "#5b5f66"],
+    labels: ["#0b6096", "#c4501b", "#9f3df5", "#373115", "#3e1f93", "#c07459", "#5c2349"],
     ramp: ["#440154", "#46307e", "#365c8d", "#277f8e", "#1fa187"],
     grey: "#8a929c",
     good: "#0b6096",
@@ -36,19 +36,19 @@ const SHADES = {
     rule: ["#ffffff", "#12171d"],
     selected: "#ff5fae",
     ellipsoids: "#cf8bc6",
-    labels: ["#56b4e9", "#f08a4b", "#2fc79b", "#d98cc0", "#e3cf4a", "#8fa8ff", "#b9c0c8"],
+    labels: ["#56b4e9", "#f08a4b", "#edc5ab", "#9a5cf7", "#da0b7a", "#4665b9", "#c8daea"],
     ramp: ["#31688e", "#21918c", "#35b779", "#90d743", "#fde725"],
     grey: "#7d8792",
     good: "#56b4e9",
     check: "#ff5a1f",
     ofRow: "#ffc9a3",
     states: {
-      same: "#95a096",
+      same: "#9aa59b",
       moved: "#f0a030",
-      changed: "#e07cc4",
+      changed: "#9325f4",
       new: "#56b4e9",
       missing: "#ffffff",
-      "not seen": "#55606b",
+      "not seen": "#454e58",
     },
     earlier: "#a08a3a",
   },
@@ -90,7 +90,7 @@ export const colourOfState = (state) => shades.states[state] ?? shades.states["n
 function coloursOf(site, mode) {
   if (mode === "change") return byChange(site);
   if (mode === "label") return byLabel(site);
-  if (mode === "verdict") return byVerdict();
+  if (mode === "verdict") return byVerdict(site);
   if (mode === "support")
     return byNumber(
       site,
@@ -135,7 +135,7 @@ function byLabel(site) {
   };
 }
 
-function byVerdict() {
+function byVerdict(site) {
   const { grey, good, check, ofRow } = shades;
   const of = (one) => {
     if (one.row.grade === null || one.date === "old") return grey;
@@ -147,7 +147,8 @@ function byVerdict() {
     [ofRow, text.checkRow],
     [grey, text.notJudged],
   ];
-  return { of, legend };
+  const used = new Set(site.elements.map(of));
+  return { of, legend: legend.filter(([colour]) => used.has(colour)) };
 }
 
 function byError(site) {
