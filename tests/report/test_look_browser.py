@@ -124,7 +124,9 @@ def test_paper_has_title_date_banner_labels_legend_and_scale(opened: Open) -> No
         page.evaluate("(name) => name === '#names' && savmapViewer.side.toggle('labels')", hidden)
         page.evaluate("dispatchEvent(new Event('beforeprint'))")
         assert page.evaluate(drawn) != whole  # they are in the picture
-    corner = "[...document.getElementById('printed').getContext('2d').getImageData(2, 2, 1, 1).data].slice(0, 3)"
+    corner = """(() => { const brush = document.createElement("canvas").getContext("2d");
+        brush.drawImage(document.getElementById("printed"), 0, 0);
+        return [...brush.getImageData(2, 2, 1, 1).data].slice(0, 3); })()"""
     assert min(page.evaluate(corner)) > 240  # paper is light
     page.evaluate("dispatchEvent(new Event('afterprint'))")
     assert page.evaluate("document.documentElement.dataset.theme") == "dark"

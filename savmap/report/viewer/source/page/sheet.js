@@ -19,17 +19,19 @@ export class Sheet {
     byId("sheet").textContent = this.title();
     stage.drawSharp(RATIO);
     const from = byId("canvas"),
-      to = byId("printed");
-    const brush = to.getContext("2d"),
       whole = byId("stage").getBoundingClientRect(),
       bar = byId("pano").hidden ? 0 : byId("pano-bar").offsetHeight;
-    Object.assign(to, { width: from.width, height: Math.round((from.height * (whole.height - bar)) / whole.height) });
+    // finished pixels: what is drawn on a canvas of the page itself, browsers draw again on paper, in another size
+    const sheet = new OffscreenCanvas(from.width, Math.round((from.height * (whole.height - bar)) / whole.height)),
+      brush = sheet.getContext("2d");
     brush.drawImage(from, 0, 0);
     brush.scale(from.width / whole.width, from.height / whole.height);
     brush.translate(-whole.left, -whole.top);
     for (const name of document.querySelectorAll("#names .name, #rule:not([hidden])")) write(brush, name);
     if (!byId("scale").hidden) drawBar(brush, byId("scale"));
     drawLines(brush, byId("compass"));
+    Object.assign(byId("printed"), { width: sheet.width, height: sheet.height });
+    byId("printed").getContext("bitmaprenderer").transferFromImageBitmap(sheet.transferToImageBitmap());
     stage.redraw();
   }
 
