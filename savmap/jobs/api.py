@@ -141,7 +141,7 @@ def view(
     The page lies beside a map.json, and in a temporary folder for a record. survey: its errors are shown; against: an earlier map, to be shown with
     it; fresh: the page is written anew; show: whether the browser is opened. Raises SavmapError's kinds.
     """
-    source = where(site_map) if not isinstance(site_map, SiteMap) else Path(mkdtemp(prefix="savmap-view-"))
+    source = where(site_map) if not isinstance(site_map, SiteMap) else Path(mkdtemp(prefix="savmap-view-")) / "map"
     if isinstance(site_map, SiteMap):
         write_map(site_map, source / MAP)
     page, written = viewed(
