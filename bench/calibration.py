@@ -72,7 +72,7 @@ def parameters(row: Mapped, optics: Optics, term: Calibration) -> tuple[Floats, 
 
 
 def run_case(case: Case, rows: int, sections: int, frames: int = 20) -> dict[str, dict[str, float]]:
-    """Figures by term; `frames` a section."""
+    """Figures by term; `frames` a bay."""
     scores: dict[str, list[Mapped]] = {name: [] for name in TERMS}
     off: dict[str, list[tuple[Floats, Floats]]] = {name: [] for name in TERMS}
     for seed in range(rows):

@@ -50,7 +50,7 @@ def given(content: Content) -> Content:
 
 
 def heights(content: Content) -> list[float]:
-    """The lowest edges' heights, section by section."""
+    """The lowest edges' heights, bay by bay."""
     values: list[float] = content["rows"][ROW]["plugins"][PLUGIN]["lowest_beam_bottom_height_m"]["values"]
     return values
 
@@ -159,13 +159,13 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
         yield case(f"length {times} sigma off", length_off(0.003 * times), "length", off_m=0.003 * times)
         for section in range(len(heights(row.content))):
             off = 0.002 * times
-            name = f"height of the lowest edge of section {section + 1}"
+            name = f"height of the lowest edge of bay {section + 1}"
             yield case(f"height {section + 1} {times} sigma off", height_off(section, off), name, off_m=off)
     last = len(heights(row.content))
-    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"section {last}", off_m=0.05)
-    yield case("a height typed 5 cm too low", height_off(0, -0.05), "section 1", off_m=0.05)
+    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"bay {last}", off_m=0.05)
+    yield case("a height typed 5 cm too low", height_off(0, -0.05), "bay 1", off_m=0.05)
     yield case("two heights swapped", heights_as(swapped), "height of the lowest edge")
-    yield case("a height in cm", heights_as(lambda own: [*own[:-1], 100 * own[-1]]), "section", "values")
+    yield case("a height in cm", heights_as(lambda own: [*own[:-1], 100 * own[-1]]), "bay", "values")
     yield case("heights in cm", heights_as(lambda own: [100 * value for value in own]), "height", "values")
     yield case("heights in units of 100 m", heights_as(lambda own: [value / 100 for value in own]), "height")
     for metres in (-0.5, -0.1, 0.1, 0.5):
@@ -183,7 +183,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     yield case("another row's length", others_length, "length")
     yield case("another row's references", others_everything, "height", "camera", "length")
     yield case("heights from the other end", heights_as(lambda own: own[::-1]), "height of the lowest edge")
-    yield case("heights one section on", heights_as(lambda own: [*own[1:], own[-1]]), "height of the lowest edge")
+    yield case("heights one bay on", heights_as(lambda own: [*own[1:], own[-1]]), "height of the lowest edge")
     yield case("a camera height in feet", camera_off(2.281 * camera_height(row)), "camera height")
 
 
@@ -229,7 +229,7 @@ def more_reference_cases(row: Filmed) -> Iterator[Case]:
     length = last[1] - first[0]
     width = sum(upright[1] - upright[0] for upright in (first, last))
     beam = row.survey["sections"][0]["beams"][0]
-    edges = [f"section 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
+    edges = [f"bay 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
 
     def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
         return Case(name, references_only(change), words, off_m)
@@ -248,8 +248,8 @@ def more_reference_cases(row: Filmed) -> Iterator[Case]:
     yield case(
         "a tape's length 5 cm off",
         with_length(edges, beam[1] - beam[0] + 0.05, "y"),
-        "length section 1",
-        "height of the lowest edge of section 1",
+        "length bay 1",
+        "height of the lowest edge of bay 1",
         off_m=0.05,
     )
     yield case("a surveyed place", with_point("upright 2 / left", row.survey["uprights"][1][0]))

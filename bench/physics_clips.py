@@ -15,7 +15,7 @@ from savmap.sim.render.shade import renderer
 from savmap.sim.scene.build import build
 from savmap.sim.scene.files import load_scene
 
-ANYTHING = ("contradict", "sections were found", "no such thing", "part of the row", "the rest says", "height", "fit")
+ANYTHING = ("contradict", "bays were found", "no such thing", "part of the row", "the rest says", "height", "fit")
 
 
 def clip_cases(row: Filmed) -> Iterator[Case]:

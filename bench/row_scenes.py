@@ -44,7 +44,7 @@ def greyed(scene: Scene, seed: int) -> Scene:
 
 
 def interrupted(scene: Scene, gap: float) -> Scene:
-    """The scene with a section without beams, so many metres wide, in the middle of the first rack; the hall and the drive longer by as much.
+    """The scene with a bay without beams, so many metres wide, in the middle of the first rack; the hall and the drive longer by as much.
 
     Racks behind stay as they are, and are seen through it."""
     content = scene.model_dump(mode="json")

@@ -3,7 +3,7 @@
     python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--references camera] [--row second] [--keep DIR] [-o bench/results/rows.json]
 
 Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
---times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a section without beams, so many metres
+--times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a bay without beams, so many metres
 wide, in the middle: a passage, or a column of the hall between two racks. --references: all that the footage comes with (camera height, lowest beams, a length),
 `length` (camera height and length), or `camera` (its height alone), which is what most users have at first.
 --row: the row on the left of the drive (`first`), or that on the right, which is another random rack beside the same footage,

@@ -64,7 +64,7 @@ class Task:
 
 
 def widths(number: int, sections: int) -> list[float]:
-    """Clear widths of a rack's sections along the site's x; rack k's faces look into aisles k - 1 and k."""
+    """Clear widths of a rack's bays along the site's x; rack k's faces look into aisles k - 1 and k."""
     clear = np.random.default_rng([number, 4646]).normal(3.55, 0.005, sections)
     return [round(float(width), 4) for width in clear]
 

@@ -1,4 +1,4 @@
-"""Time and accuracy of the solve at the paper's size: 15 sections, 5 to 11 levels, a bridge section, 1000 frames.
+"""Time and accuracy of the solve at the paper's size: 15 bays, 5 to 11 levels, a bridge bay, 1000 frames.
 
 python bench/solve.py [--frames 1000] [--outliers 0.03]
 """

@@ -44,7 +44,7 @@ def ffmpeg(*arguments: object) -> None:
 
 
 def first_row(site: Path) -> Run:
-    """The first row of a site file, its reference and plugin sections beside it."""
+    """The first row of a site file, its reference and plugin bays beside it."""
     content = yaml.safe_load(site.read_text(encoding="utf-8"))
     name = next(iter(content["rows"]))
     return {**content, "rows": {name: content["rows"][name]}}

@@ -3,7 +3,7 @@
     python bench/verdicts.py MAP ... [-o bench/results/verdicts.json]
 
 MAP is a map's folder beside its survey.json, as bench/rows.py --keep leaves it. A doubt is true where an element that it names is more than 1 cm
-or two of its standard deviations off or is none, or where its section (for lamps, the space around it) lacks one. Unnamed is what is both more
+or two of its standard deviations off or is none, or where its bay (for lamps, the space around it) lacks one. Unnamed is what is both more
 than 1 cm and two standard deviations off, or none, or missing, between the row's ends, and in no doubt.
 """
 
@@ -37,7 +37,7 @@ class Told:
 
 
 def truth_of(row: RowMap, survey: Mapping[str, Any], deviations: Mapping[str, float]) -> dict[str, tuple[bool, str]]:
-    """What is wrong by name, and whether that is more than 1 cm as well as two standard deviations: elements, and what a section lacks."""
+    """What is wrong by name, and whether that is more than 1 cm as well as two standard deviations: elements, and what a bay lacks."""
     worst: dict[str, Figure] = {}
     for name, figure in figures_of(row, survey):
         if name not in worst or badness(figure) > badness(worst[name]):
@@ -62,14 +62,14 @@ def badness(figure: Figure) -> tuple[float, float]:
 
 
 def missing_beams(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
-    """ "section N lacks 1.23 m" for each surveyed beam that no mapped one is near."""
+    """ "bay N lacks 1.23 m" for each surveyed beam that no mapped one is near."""
     posts = np.array(survey["uprights"]).mean(axis=1)
     beams = [one.vertices.mean(axis=0) for one in row.structures.get("shelves", ()) if one.label == "beam"]
     for number, section in enumerate(survey["sections"]):
         own = np.array([y for x, y, _ in beams if posts[number] < x < posts[number + 1]])
         for level in np.array(section["beams"]).reshape(-1, 2).mean(axis=1).tolist():
             if not len(own) or np.abs(own - level).min() > 0.15:
-                yield f"section {number + 1} lacks {level:.2f} m"
+                yield f"bay {number + 1} lacks {level:.2f} m"
 
 
 def missing_lamps(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
@@ -86,7 +86,10 @@ def missing_lamps(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
 
 def judged(doubt: Doubt, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]) -> list[str]:
     """What of that which is wrong a doubt names: by its structures; by what it says of what is near one; all where it names none."""
-    named = [*doubt.structures, *(name for name in structures if not doubt.structures and f"{name} " in f"{doubt.line} ")]
+    named = [
+        *doubt.structures,
+        *(name for name in structures if not doubt.structures and f"{name} " in f"{doubt.line} "),
+    ]
     if not named:
         return [*wrong]
     own = [name for name in named if name in wrong]

@@ -39,7 +39,7 @@ def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
 
 
 def settings_page() -> str:
-    """A table for every section of a site file, in the order in which they refer to one another."""
+    """A table for every bay of a site file, in the order in which they refer to one another."""
     schema = json.loads(schema_text(PLUGINS))
     definitions = {"Site": schema, **schema["$defs"]}
     return "\n".join([SETTINGS, *(_section(name, definitions[name]) for name in _order(definitions))])
@@ -75,7 +75,7 @@ def _section(name: str, schema: Schema) -> str:
 
 def _title(name: str) -> str:
     words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name.rpartition(".")[2])
-    return words.strip().removesuffix(" section").capitalize()
+    return words.strip().removesuffix(" bay").capitalize()
 
 
 def _anchor(name: str) -> str:
@@ -94,7 +94,7 @@ def _default(key: str, schema: Schema, required: Sequence[str]) -> str:
 
 
 def _kind(schema: Schema) -> str:
-    """What a value may be, in words, with links to sections."""
+    """What a value may be, in words, with links to bays."""
     if "$ref" in schema:
         name = schema["$ref"].removeprefix("#/$defs/")
         return f"[{_title(name)}](#{_anchor(name)})"
@@ -122,7 +122,7 @@ def _plain_kind(schema: Schema) -> str:
 
 
 def commands_page() -> str:
-    """A section for every command."""
+    """A bay for every command."""
     group: Any = typer.main.get_command(app)
     return "\n".join([COMMANDS, *_commands(group, group.context_class(group, info_name="savmap"))])
 

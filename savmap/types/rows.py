@@ -14,7 +14,7 @@ from savmap.types.pictures import ViewSpec
 class Track:
     """One physical point, observed in many frames.
 
-    `name` is its label in the map ("section 3 / beam 2 / upper left"), `label` its class, `place` its position in the structure,
+    `name` is its label in the map ("bay 3 / beam 2 / upper left"), `label` its class, `place` its position in the structure,
     as the plugin numbers it. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
     """
 

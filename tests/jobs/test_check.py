@@ -130,9 +130,9 @@ def test_nothing_wrong(folder: Path) -> None:
         ),
         (
             "rows:",
-            "  points: [{vertex: section 2 / beam 1 / lower lft, axis: y, value: 9, sigma: 0.1}]\nrows:",
+            "  points: [{vertex: bay 2 / beam 1 / lower lft, axis: y, value: 9, sigma: 0.1}]\nrows:",
             3,
-            "site.yaml:5: nothing is called `section 2 / beam 1 / lower lft`: did you mean `section 2 / beam 1 / lower left`?",
+            "site.yaml:5: nothing is called `bay 2 / beam 1 / lower lft`: did you mean `bay 2 / beam 1 / lower left`?",
         ),
         (
             "rows:",

@@ -92,7 +92,7 @@ def test_record_of_a_run_tells_when_it_ended_and_its_footage(monkeypatch: pytest
 
 
 def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    what, action = "an element was measured in few frames", "look whether it is there: section 1 / beam 2"
+    what, action = "an element was measured in few frames", "look whether it is there: bay 1 / beam 2"
     doubt = Doubt("support", what, place=(1.0, 2.0, 0.0), figure="3 of 40 frames", action=action)
     lines = overrides_of([f'rows.A.confirmed=["{doubt.line}", "light 9 is a window"]'], {})
     job = job_for(EXAMPLE / "site.yaml", None, tmp_path, overrides=lines)

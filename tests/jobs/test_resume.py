@@ -28,7 +28,7 @@ if __name__ == "__main__":
     main()
 """
 LOWEST_M = [0.30256, 0.17517]
-"""Of the sections that this half shows."""
+"""Of the bays that this half shows."""
 
 
 def site(folder: Path, **more: Any) -> Path:

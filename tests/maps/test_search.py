@@ -23,7 +23,7 @@ def plate(number: int, x: float, attributes: Mapping[str, float | int | str]) ->
 @pytest.fixture
 def site() -> SiteMap:
     things = (
-        plate(1, 2.0, {"text": "A21-03", "bay": "section 3"}),
+        plate(1, 2.0, {"text": "A21-03", "bay": "bay 3"}),
         plate(2, 5.0, {"text": "", "code": "QRCode:B7"}),
     )
     row = RowMap(
@@ -35,7 +35,7 @@ def site() -> SiteMap:
 @pytest.mark.parametrize("name", ["A21-03", "a21-03", "plate 1"])
 def test_structure_is_found_by_its_text_and_by_its_id(site: SiteMap, name: str) -> None:
     assert list(map(str, find_structures(site, name))) == [
-        'row A, plate 1 "A21-03", section 3: x 2.000, y 1.800, z 0.000 m (+- 1, 1, 1 mm); in the site x 12.000, y 1.800, z 1.000 m'
+        'row A, plate 1 "A21-03", bay 3: x 2.000, y 1.800, z 0.000 m (+- 1, 1, 1 mm); in the site x 12.000, y 1.800, z 1.000 m'
     ]
 
 
@@ -116,11 +116,9 @@ def numbered(name: str, label: str, x: float, **numbers: int) -> Structure:
 
 @pytest.fixture
 def hall() -> SiteMap:
-    """Two rows of two sections, each with two bars."""
-    bars = tuple(
-        numbered(f"section {k} / bar {n}", "bar", 10.0 * k + n, section=k, bar=n) for k in (1, 2) for n in (1, 2)
-    )
-    tags = (replace(plate(9, 21.0, {"text": "X", "bay": "section 2"}), id="tag 9"),)
+    """Two rows of two bays, each with two bars."""
+    bars = tuple(numbered(f"bay {k} / bar {n}", "bar", 10.0 * k + n, section=k, bar=n) for k in (1, 2) for n in (1, 2))
+    tags = (replace(plate(9, 21.0, {"text": "X", "bay": "bay 2"}), id="tag 9"),)
     path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
     rows = {
         name: RowMap(name, FrameTable(np.zeros(0), ()), {}, path, {"bars": bars, "tags": tags}, ())
@@ -130,29 +128,27 @@ def hall() -> SiteMap:
 
 
 def places() -> dict[str, dict[str, list[Structure]]]:
-    own = [numbered(f"section {k}", "section", 10.0 * k, section=k, bay=k) for k in (1, 2)]
-    own += [
-        numbered(f"section {k} / level {n}", "level", 0.0, section=k, bay=k, level=n) for k in (1, 2) for n in (0, 1)
-    ]
+    own = [numbered(f"bay {k}", "bay", 10.0 * k, section=k, bay=k) for k in (1, 2)]
+    own += [numbered(f"bay {k} / level {n}", "level", 0.0, section=k, bay=k, level=n) for k in (1, 2) for n in (0, 1)]
     return {"A": {"bars": own}, "B": {"bars": own}}
 
 
 @pytest.mark.parametrize(
     ("name", "found"),
     [
-        ("section 2", ["A section 2", "B section 2"]),
-        ("Bay 2", ["A section 2", "B section 2"]),
-        ("bay 2 level 1", ["A section 2 / level 1", "B section 2 / level 1"]),
-        ("A: level 0", ["A section 1 / level 0", "A section 2 / level 0"]),
-        ("bay 1 / bar 2", ["A section 1 / bar 2", "B section 1 / bar 2"]),
-        ("bar 2", [f"{row} section {k} / bar 2" for row in "AB" for k in (1, 2)]),
-        ("bar 2 of section 1, row B", ["B section 1 / bar 2"]),
-        ("B: bar2 section1", ["B section 1 / bar 2"]),
-        ("level 1 of section 2 in A", ["A section 2 / level 1"]),
-        ("row A / section 02 / level 0", ["A section 2 / level 0"]),
-        ("row A, section 1 / bar 1", ["A section 1 / bar 1"]),
-        ("row A section 1", ["A section 1"]),
-        ("Row b bar 2 of section 1", ["B section 1 / bar 2"]),
+        ("bay 2", ["A bay 2", "B bay 2"]),
+        ("Bay 2", ["A bay 2", "B bay 2"]),
+        ("bay 2 level 1", ["A bay 2 / level 1", "B bay 2 / level 1"]),
+        ("A: level 0", ["A bay 1 / level 0", "A bay 2 / level 0"]),
+        ("bay 1 / bar 2", ["A bay 1 / bar 2", "B bay 1 / bar 2"]),
+        ("bar 2", [f"{row} bay {k} / bar 2" for row in "AB" for k in (1, 2)]),
+        ("bar 2 of bay 1, row B", ["B bay 1 / bar 2"]),
+        ("B: bar2 section1", ["B bay 1 / bar 2"]),
+        ("level 1 of bay 2 in A", ["A bay 2 / level 1"]),
+        ("row A / bay 02 / level 0", ["A bay 2 / level 0"]),
+        ("row A, bay 1 / bar 1", ["A bay 1 / bar 1"]),
+        ("row A bay 1", ["A bay 1"]),
+        ("Row b bar 2 of bay 1", ["B bay 1 / bar 2"]),
     ],
 )
 def test_what_a_description_means_is_found(hall: SiteMap, name: str, found: list[str]) -> None:
@@ -160,31 +156,31 @@ def test_what_a_description_means_is_found(hall: SiteMap, name: str, found: list
 
 
 def test_a_place_is_told_with_the_places_within(hall: SiteMap) -> None:
-    section = next(hit for hit in find_structures(hall, "section 2", places) if hit.structure.label == "section")
+    section = next(hit for hit in find_structures(hall, "bay 2", places) if hit.structure.label == "bay")
     assert [hit.structure.id for hit in places_within(hall, section, places())] == [
-        "section 2 / level 0",
-        "section 2 / level 1",
+        "bay 2 / level 0",
+        "bay 2 / level 1",
     ]
-    (bar,) = find_structures(hall, "row A, section 1 / bar 1", places)
+    (bar,) = find_structures(hall, "row A, bay 1 / bar 1", places)
     assert places_within(hall, bar, places()) == []
 
 
 def test_without_places_its_parts_are_found(hall: SiteMap) -> None:
-    found = find_structures(hall, "section 2 in row A")
+    found = find_structures(hall, "bay 2 in row A")
     assert [hit.structure.id for hit in found] == ["tag 9"]
-    assert len(find_structures(hall, "section 1 in row A")) == 2
+    assert len(find_structures(hall, "bay 1 in row A")) == 2
 
 
 def test_places_are_not_asked_for_where_a_name_is_there(hall: SiteMap) -> None:
     def refuse() -> dict[str, dict[str, list[Structure]]]:
         raise AssertionError
 
-    assert len(find_structures(hall, "Section 1 / bar 2", refuse)) == 2
+    assert len(find_structures(hall, "Bay 1 / bar 2", refuse)) == 2
 
 
-@pytest.mark.parametrize("name", ["level 9", "row A", "A", " / ", "section", "9" * 400, "of in on"])
+@pytest.mark.parametrize("name", ["level 9", "row A", "A", " / ", "bay", "9" * 400, "of in on"])
 def test_what_describes_nothing_is_not_found(hall: SiteMap, name: str) -> None:
-    if name == "section":
+    if name == "bay":
         assert len(find_structures(hall, name, places)) == 4
         return
     with pytest.raises(SiteError, match="is not in the map"):
@@ -215,20 +211,15 @@ def bay_of_two_levels(called: str) -> dict[str, dict[str, list[Structure]]]:
 @pytest.mark.parametrize(
     ("x", "y", "slot"), [(1, 1.0, "1 / level 0"), (1, 2.05, "1 / level 1"), (1, 3.0, "1 / level 1"), (0.05, 1.5, "1")]
 )
-@pytest.mark.parametrize("word", ["section", "bay"])
-def test_what_is_written_is_told_with_its_slot(x: float, y: float, slot: str, word: str) -> None:
-    (hit,) = find_structures(
-        plated(x, y, text="A21-03", bay="section 1"), "A21-03", lambda: bay_of_two_levels(f"{word} 1")
-    )
+def test_what_is_written_is_told_with_its_slot(x: float, y: float, slot: str) -> None:
+    (hit,) = find_structures(plated(x, y, text="A21-03", bay="bay 1"), "A21-03", lambda: bay_of_two_levels("bay 1"))
     assert hit.slot is not None
-    assert hit.slot.structure.id == f"{word} {slot}"
+    assert hit.slot.structure.id == f"bay {slot}"
     assert str(hit.slot).endswith("; clear width 2.700 m +- 4.0 mm")
     assert hit.slot.position_m[0] == pytest.approx(1.45)
 
 
-@pytest.mark.parametrize(
-    "attributes", [{"text": "X"}, {"text": "", "bay": "section 1"}, {"text": "X", "bay": "section 9"}]
-)
+@pytest.mark.parametrize("attributes", [{"text": "X"}, {"text": "", "bay": "bay 1"}, {"text": "X", "bay": "bay 9"}])
 def test_what_names_no_bay_has_no_slot(attributes: dict[str, str]) -> None:
-    (hit,) = find_structures(plated(1, 1, **attributes), "plate 1", lambda: bay_of_two_levels("section 1"))
+    (hit,) = find_structures(plated(1, 1, **attributes), "plate 1", lambda: bay_of_two_levels("bay 1"))
     assert hit.slot is None

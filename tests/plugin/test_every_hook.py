@@ -126,7 +126,7 @@ def ask_describe() -> dict[str, Any]:
 
 
 def ask_relate() -> dict[str, Any]:
-    related = replace(THING, attributes={"section": 1})
+    related = replace(THING, attributes={"bay": 1})
     plugin, given = asked("relate", [related])
     assert plugin.relate([THING], {"others": [THING]}) == (related,)
     assert asked("describe", [])[0].relate([THING], {}) == (THING,)
@@ -281,9 +281,9 @@ def test_a_plugin_that_fails_to_add_its_commands_is_named(monkeypatch: pytest.Mo
 
 
 def blocks_of(name: str) -> list[str]:
-    """The Python blocks of a hook's section in the documentation."""
+    """The Python blocks of a hook's bay in the documentation."""
     section = re.search(rf"^## {name}\n(.*?)(?=^## |\Z)", DOCS, re.MULTILINE | re.DOTALL)
-    assert section is not None, f"docs/hooks.md has no section {name}"
+    assert section is not None, f"docs/hooks.md has no bay {name}"
     return re.findall(r"```python\n(.*?)```", section.group(1), re.DOTALL)
 
 

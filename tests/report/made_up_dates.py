@@ -1,4 +1,4 @@
-"""A row of sections on two dates, for the tests of comparisons: noise, a beam that was lifted, parts that are gone."""
+"""A row of bays on two dates, for the tests of comparisons: noise, a beam that was lifted, parts that are gone."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -17,7 +17,7 @@ HEIGHTS = (0.3, 1.5, 2.6, 3.9)
 def box(name: str, label: str, x: tuple[float, float], y: tuple[float, float], number: int) -> Structure:
     """A rectangle in the face plane, known to 3 mm."""
     corners = np.array([[x[i], y[j], 0.0] for j in (0, 1) for i in (0, 1)])
-    place = "upright" if label == "upright" else "section"
+    place = "upright" if label == "upright" else "bay"
     named = UPRIGHT_CORNERS if label == "upright" else BEAM_CORNERS
     labels = tuple(f"{name} / {corner}" for corner in named)
     return Structure(name, label, corners, np.tile(1e-5 * np.eye(3), (4, 1, 1)), labels, RING, {place: number})
@@ -34,7 +34,7 @@ def dated_site(
         parts.append(box(f"upright {k + 1}", "upright", (x, x + 0.1), (0.0, 5.0), k + 1))
         for n, height in enumerate(HEIGHTS):
             y = height + 0.05 * k + (lifted_m if (k, n) == (2, 2) else 0.0)
-            parts.append(box(f"section {k + 1} / beam {n + 1}", "beam", (x + 0.1, x + 2.8), (y, y + 0.1), k + 1))
+            parts.append(box(f"bay {k + 1} / beam {n + 1}", "beam", (x + 0.1, x + 2.8), (y, y + 0.1), k + 1))
     away = np.array([moved_m, 0.0, 0.0])
     noisy = [replace(one, vertices=one.vertices + rng.normal(0, 0.001, 3) - away) for one in parts]
     kept = tuple(one for one in noisy if one.id not in without)

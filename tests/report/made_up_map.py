@@ -36,11 +36,11 @@ def thing(name: str, label: str, low: tuple[float, float], high: tuple[float, fl
 
 
 def places(row: str = "A") -> dict[str, dict[str, list[Structure]]]:
-    """The section between the posts, and the spaces of it, of which the topmost is open above."""
-    width = {"clear_width_m": Measured(2.7, 0.0042), "section": 1}
+    """The bay between the posts, and the spaces of it, of which the topmost is open above."""
+    width = {"clear_width_m": Measured(2.7, 0.0042), "bay": 1}
     heights = {0: {"clear_height_m": Measured(2.0, 0.0014)}, 1: {"clear_height_m": Measured(1.9, 0.002)}, 2: {}}
-    section = thing("section 1", "section", (0.1, 0), (2.8, 4.1))
-    parts = [replace(section, id=f"section 1 / space {k}", attributes=width | own) for k, own in heights.items()]
+    section = thing("bay 1", "bay", (0.1, 0), (2.8, 4.1))
+    parts = [replace(section, id=f"bay 1 / space {k}", attributes=width | own) for k, own in heights.items()]
     return {row: {"things": [replace(section, attributes=width), *parts]}}
 
 
@@ -49,9 +49,9 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
     shapes = (
         thing("post 1", "post", (0, 0), (0.1, 5)),
         thing("post 2", "post", (2.8, 0), (2.9, 5)),
-        thing("section 1 / bar 1", "bar", (0.1, 2.0), (2.8, 2.1)),
-        thing("section 1 / plate", "plate", (1.0, 2.02), (1.2, 2.08), text=text),
-        thing("section 1 / bar 2", EVIL, (0.1, 4.0), (2.8, 4.1)),
+        thing("bay 1 / bar 1", "bar", (0.1, 2.0), (2.8, 2.1)),
+        thing("bay 1 / plate", "plate", (1.0, 2.02), (1.2, 2.08), text=text),
+        thing("bay 1 / bar 2", EVIL, (0.1, 4.0), (2.8, 4.1)),
     )
     point = Structure(
         "spot 1", "spot", np.array([[1.0, 4.5, 0.2]]), np.full((1, 3, 3), 1e-6), ("spot 1",), np.zeros((0, 2), int)
@@ -60,7 +60,7 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
     poses[:, :3, :3] = np.diag([-1.0, -1.0, 1.0])  # the panorama's centre looks out of the face, up is up
     poses[:, 0, 3], poses[:, 1, 3], poses[:, 2, 3] = np.linspace(0, 3, 20), 1.5, 1.6
     said = None, 11, False, "4 of 20 frames", f"look at bar 2 {EVIL}"
-    doubts = (Doubt("support", "few frames show it", ("section 1 / bar 2",), *said),)
+    doubts = (Doubt("support", "few frames show it", ("bay 1 / bar 2",), *said),)
     return RowMap(
         name,
         FrameTable(np.arange(20) / 2, ("pass 1",) * 20),

@@ -40,7 +40,7 @@ def row(name: str, off: float = 0.0, sections: int = 2, levels: int = 2) -> RowM
     """Posts 3 m apart with bars between them; its length is off by so many sigmas."""
     posts = [thing(f"post {k + 1}", "post", (3.0 * k, 0), (3 * k + 0.1, 5)) for k in range(sections + 1)]
     bars = [
-        thing(f"section {k + 1} / bar {n + 1}", "bar", (3 * k + 0.1, n + 0.5), (3 * k + 3.0, n + 0.6))
+        thing(f"bay {k + 1} / bar {n + 1}", "bar", (3 * k + 0.1, n + 0.5), (3 * k + 3.0, n + 0.6))
         for k in range(sections)
         for n in range(levels)
     ]

@@ -38,9 +38,9 @@ def run(*arguments: object) -> tuple[BaseException | None, str]:
 def test_command_says_what_changed(files: tuple[Path, Path]) -> None:
     error, output = run(*files)
     assert error is None
-    assert re.search(r"moved    section 3 / beam 3     y \+\d\d mm", output)
-    assert re.search(r"changed  section 3 / opening 2  size y \+\d\d mm", output)
-    assert re.search(r"changed  section 3 / opening 3  size y -\d\d mm", output)
+    assert re.search(r"moved    bay 3 / beam 3     y \+\d\d mm", output)
+    assert re.search(r"changed  bay 3 / opening 2  size y \+\d\d mm", output)
+    assert re.search(r"changed  bay 3 / opening 3  size y -\d\d mm", output)
     assert "1 moved, 24 same; openings: 2 changed, 18 same" in output
 
 
@@ -98,7 +98,7 @@ def test_json_holds_all_elements(files: tuple[Path, Path], tmp_path: Path) -> No
     assert run(*files, "--json", tmp_path / "changes.json")[0] is None
     content = json.loads((tmp_path / "changes.json").read_text(encoding="utf-8"))
     assert content["format"] == "savmap-comparison"
-    assert [one["new"] for one in content["rows"][0]["elements"] if one["state"] == "moved"] == ["section 3 / beam 3"]
+    assert [one["new"] for one in content["rows"][0]["elements"] if one["state"] == "moved"] == ["bay 3 / beam 3"]
     assert len(content["rows"][0]["openings"]) == 20
 
 
@@ -107,7 +107,7 @@ def test_page_shows_both_dates_and_the_photographs(files: tuple[Path, Path], tmp
     page = (tmp_path / "compare.html").read_text(encoding="utf-8")
     assert page.count('<image href="data:image/jpeg;base64,') == 2
     assert "Row A: both dates" in page
-    assert re.search(r"<title>section 3 / beam 3: moved y \+\d\d mm", page)
+    assert re.search(r"<title>bay 3 / beam 3: moved y \+\d\d mm", page)
     assert "expected to be chance" in page
 
 
@@ -142,13 +142,13 @@ def test_page_draws_each_plugins_own_structure(tmp_path: Path) -> None:
     paths = []
     for name, made in (("old", site(1)), ("new", site(2, lifted_m=0.06))):
         row = made.rows["A"]
-        namesake = replace(row.structures["shelves"][1], id="section 3 / beam 3", label="lamp")
+        namesake = replace(row.structures["shelves"][1], id="bay 3 / beam 3", label="lamp")
         rows = {"A": replace(row, structures={**row.structures, "zones": (namesake,)})}
         write_map(replace(made, rows=rows), tmp_path / f"{name}.json")
         paths.append(tmp_path / f"{name}.json")
     compare_files(*paths, 0.05, tmp_path / "compare.html")
     page = (tmp_path / "compare.html").read_text(encoding="utf-8")
-    drawn = re.search(r'<path d="M(\S+)[^>]*><title>section 3 / beam 3: moved', page)
+    drawn = re.search(r'<path d="M(\S+)[^>]*><title>bay 3 / beam 3: moved', page)
     assert drawn is not None
     assert float(drawn[1].split(",")[0]) > 5000, "not the lamp of that id, which is at 0.1 m"
 
@@ -169,7 +169,7 @@ def test_page_is_named_html(files: tuple[Path, Path], tmp_path: Path) -> None:
 
 def test_python_compares_records_and_files(files: tuple[Path, Path]) -> None:
     from_files = savmap.compare(*files)
-    assert from_files.rows[0].changes[0].name == "section 3 / beam 3"
+    assert from_files.rows[0].changes[0].name == "bay 3 / beam 3"
     from_records = savmap.compare(savmap.load_map(files[0]), savmap.load_map(files[1]), level=0.01)
     assert len(from_records.rows[0].changes) == 3
     assert from_records.level == 0.01

@@ -16,8 +16,8 @@ from savmap.report.viewer import Before, View, write_view
 from savmap.types import SiteMap
 
 pytestmark = IN_BROWSER
-OLD = dated_site(1, without=("section 4 / beam 2",))
-NEW = dated_site(2, lifted_m=0.03, without=("section 2 / beam 3",))
+OLD = dated_site(1, without=("bay 4 / beam 2",))
+NEW = dated_site(2, lifted_m=0.03, without=("bay 2 / beam 3",))
 SHOWN = "savmapViewer.row.shown.map((one) => [one.date, one.state, one.id])"
 
 
@@ -28,7 +28,7 @@ def both(old: SiteMap = OLD, new: SiteMap = NEW, photos: bool = True) -> View:
 
 def grey_at(page: Any, share: float) -> int:
     """The grey of the row's foot at a share of the view's width."""
-    y = page.evaluate(HERE, ["section 3 / beam 1", 0])[1]
+    y = page.evaluate(HERE, ["bay 3 / beam 1", 0])[1]
     box = page.locator("#view").bounding_box()
     clip = {"x": box["x"] + share * box["width"], "y": y + 12, "width": 4, "height": 2}
     image = cv2.imdecode(np.frombuffer(page.screenshot(clip=clip), np.uint8), cv2.IMREAD_GRAYSCALE)
@@ -39,15 +39,15 @@ def test_list_leads_to_changes_with_amount_and_sigma(opened: Open) -> None:
     page = opened(both())
     lines = [line.replace("\u00a0", " ") for line in page.locator("#changes li").all_inner_texts()]
     assert [line.split(",")[0] for line in lines[:3]] == [
-        "section 2 / beam 3: missing",
-        "section 4 / beam 2: new",
-        "section 3 / beam 3: moved",
+        "bay 2 / beam 3: missing",
+        "bay 4 / beam 2: new",
+        "bay 3 / beam 3: moved",
     ]
     element = next(one for one in compare_maps(OLD, NEW).rows[0].elements if one.state == "moved")
     (found,) = element.significant
     assert f"up +{1000 * found.difference_m:.1f} mm ± {1000 * found.sigma_m:.0f}" in re.sub(r"\.\d mm$", "", lines[2])
     page.locator("#changes button", has_text="moved").first.click()
-    assert selected(page) == "section 3 / beam 3"
+    assert selected(page) == "bay 3 / beam 3"
     assert page.inner_text("#state") == "Since the old date: moved"
     assert f"{found.sigmas:.0f}\u00a0\u03c3" in page.inner_text("#selection dl >> nth=0")
     assert page.evaluate("savmapViewer.selection.elements.map((one) => one.date)") == ["new", "old"]
@@ -81,23 +81,23 @@ def test_elements_are_coloured_by_their_state(opened: Open) -> None:
 def test_missing_element_is_found_and_named(opened: Open) -> None:
     page = opened(both())
     page.locator("[data-dates=new]").click()
-    page.fill("#search", "section 2 / beam 3")
+    page.fill("#search", "bay 2 / beam 3")
     page.keyboard.press("Enter")
-    assert selected(page) == "section 2 / beam 3"
+    assert selected(page) == "bay 2 / beam 3"
     assert "old date" in page.inner_text("#selection")
     assert page.evaluate("savmapViewer.site.showing") == "both"  # it is not on the new one
-    assert page.evaluate("decodeURI(location.hash)") == "#A/old date/section 2 / beam 3"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/old date/bay 2 / beam 3"
 
 
 def test_address_names_an_element_of_the_old_date(opened: Open) -> None:
-    page = opened(both(), "#A/old date/section 1 / beam 1")
+    page = opened(both(), "#A/old date/bay 1 / beam 1")
     assert page.evaluate("savmapViewer.selection.elements.map((one) => [one.date, one.id])") == [
-        ["old", "section 1 / beam 1"]
+        ["old", "bay 1 / beam 1"]
     ]
     assert page.evaluate("savmapViewer.site.showing") == "old"
-    page.fill("#search", "section 1 / beam 1")
+    page.fill("#search", "bay 1 / beam 1")
     found = page.locator("#results b").all_inner_texts()
-    assert found.count("section 1 / beam 1") == 1
+    assert found.count("bay 1 / beam 1") == 1
 
 
 def test_orthophotos_lie_beside_a_divider_in_the_face_view(opened: Open) -> None:
@@ -116,15 +116,15 @@ def test_orthophotos_lie_beside_a_divider_in_the_face_view(opened: Open) -> None
     page.mouse.up()
     eventually(page, lambda: grey_at(page, 0.7) < 80, "the old photo where the divider was dragged away")
     assert page.locator("#selection strong").count() == 0  # a drag is no click
-    x, y = page.evaluate(HERE, ["section 4 / beam 2", 0])
+    x, y = page.evaluate(HERE, ["bay 4 / beam 2", 0])
     page.mouse.click(x + 60, y)  # where the old date, which has no such beam, is shown
-    assert page.evaluate("savmapViewer.selection.elements.filter((one) => one.id === 'section 4 / beam 2').length") == 0
+    assert page.evaluate("savmapViewer.selection.elements.filter((one) => one.id === 'bay 4 / beam 2').length") == 0
     page.locator("#swipe").focus()
     for _ in range(20):
         page.keyboard.press("ArrowLeft")
     assert page.get_attribute("#swipe", "aria-valuenow") == "0"
     page.mouse.click(x + 60, y)
-    assert selected(page) == "section 4 / beam 2"
+    assert selected(page) == "bay 4 / beam 2"
 
 
 def test_no_divider_without_the_old_orthophoto(opened: Open) -> None:
@@ -138,7 +138,7 @@ def test_no_divider_without_the_old_orthophoto(opened: Open) -> None:
 def test_distance_between_dates_says_what_it_rests_on(opened: Open) -> None:
     page = opened(both())
     page.keyboard.press("m")
-    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "section 3 / beam 3" && one.date === date));
+    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "bay 3 / beam 3" && one.date === date));
         for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
     until(page, "savmapViewer.ruler.result")
     assert "two dates" in page.inner_text("#measured-how")

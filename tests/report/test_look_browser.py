@@ -99,7 +99,7 @@ def test_prints_one_page(opened: Open, size: str, landscape: bool) -> None:
     doubts = tuple(Doubt("support", f"Few frames show post {k}", ("post 1",)) for k in range(30))
     many = replace(row(), verdict=Verdict(doubts, ("nothing checks the length",)))
     view = View(SiteMap({"A": many}, {}), title="Hall 1", photos={"A": photo()}, stills={"A": stills()})
-    page = opened(view, "#A/section 1", width=800, first=True)
+    page = opened(view, "#A/bay 1", width=800, first=True)
     paper = page.pdf(format=size, landscape=landscape, print_background=True)
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
     assert page.evaluate("document.documentElement.dataset.theme") == "light"
@@ -157,10 +157,10 @@ def test_scale_bar_is_as_long_as_it_says(opened: Open) -> None:
 @pytest.mark.parametrize(
     ("asked", "found"),
     [
-        ("bay 1", "section 1"),
-        ("section 1", "section 1"),
-        ("bay 1 space 0", "section 1 / space 0"),
-        ("space 1", "section 1 / space 1"),
+        ("bay 1", "bay 1"),
+        ("section 1", "bay 1"),
+        ("bay 1 space 0", "bay 1 / space 0"),
+        ("space 1", "bay 1 / space 1"),
     ],
 )
 def test_bays_and_levels_are_found(opened: Open, asked: str, found: str) -> None:
@@ -174,7 +174,7 @@ def test_bays_and_levels_are_found(opened: Open, asked: str, found: str) -> None
 
 def test_link_to_a_bay_of_an_older_map(opened: Open) -> None:
     page = opened(replace(pictured(), places=places()), "#A/bay 1 / bar 2")
-    assert selected(page) == "section 1 / bar 2"
+    assert selected(page) == "bay 1 / bar 2"
     assert page.locator("#notice").is_hidden()
 
 
@@ -220,24 +220,24 @@ def test_tree_is_walked_by_keys(opened: Open) -> None:
 
 
 def test_copies_the_link_and_the_coordinates(opened: Open) -> None:
-    page = opened(pictured(), "#A/section 1 / bar 1")
+    page = opened(pictured(), "#A/bay 1 / bar 1")
     page.evaluate("""() => { window.held = []; Object.defineProperty(navigator, "clipboard",
         {value: {writeText: async (said) => { window.held.push(said); }}}); }""")
     page.get_by_role("button", name="Copy link").click()
     page.get_by_role("button", name="Copy coordinates").click()
     until(page, "window.held.length === 2")
     link, place = page.evaluate("window.held")
-    assert link.endswith("view.html#A/section%201%20/%20bar%201")
-    assert place.replace("\u00a0", " ") == "A/section 1 / bar 1: x 1.450, y 2.050, z 0.000 m (the row's frame A)"
+    assert link.endswith("view.html#A/bay%201%20/%20bar%201")
+    assert place.replace("\u00a0", " ") == "A/bay 1 / bar 1: x 1.450, y 2.050, z 0.000 m (the row's frame A)"
     page.wait_for_selector("button:text('Copied')")
 
 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("section 1 / bar 1", "profile 100 mm, lower edge 2.000 m above the floor"),
+        ("bay 1 / bar 1", "profile 100 mm, lower edge 2.000 m above the floor"),
         ("post 2", "profile 100 mm, left edge 2.800 m along the row"),
-        ("section 1 / plate", "0.200 m \u00d7 0.060 m, lower edge 2.020 m above the floor"),
+        ("bay 1 / plate", "0.200 m \u00d7 0.060 m, lower edge 2.020 m above the floor"),
         ("spot 1", "4.500 m above the floor"),
     ],
 )

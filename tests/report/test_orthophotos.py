@@ -34,7 +34,7 @@ def test_outlines_lie_where_the_picture_shows_them(tmp_path: Path) -> None:
     shapes = {title.text: path.get("d") for path in svg.iter(f"{SVG}path") for title in path.iter(f"{SVG}title")}
     # post 2: x from 3.0 to 3.1 m, y from 0 to 5 m
     assert shapes["post 2"] == "M6600 10600h200v-10000h-200z"
-    assert {text.text for text in svg.iter(f"{SVG}text")} >= {"post 1", "section 1 / bar 2"}
+    assert {text.text for text in svg.iter(f"{SVG}text")} >= {"post 1", "bay 1 / bar 2"}
 
 
 def test_names_are_escaped_and_links_quoted() -> None:

@@ -77,7 +77,7 @@ def test_every_row_has_its_section_and_those_that_failed_come_first(page: Elemen
 def test_doubts_are_told_with_their_row() -> None:
     trusted, doubtful = row("A1"), row("A2")
     said = "2 m <off>", "look at it: bar 1", ("more of it",)
-    odd = Doubt("shape", "a bar is <odd>", ("section 1 / bar 1",), None, None, False, *said)
+    odd = Doubt("shape", "a bar is <odd>", ("bay 1 / bar 1",), None, None, False, *said)
     doubts = (odd, Doubt("motion", "the camera turns"))
     rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(doubtful, verdict=Verdict(doubts))}
     page = parsed(page_text(Report(SiteMap(rows, {}), {name: drawings(own) for name, own in rows.items()})))
@@ -183,8 +183,8 @@ def test_what_is_mapped_is_told_with_its_sigmas(page: Element) -> None:
     face = page.one(id="row-A2-face")
     said = {own.text.split(":")[0]: own.text for own in face.all("title")}
     assert (
-        said["section 1 / bar 2"]
-        == "section 1 / bar 2: height 0.100 ± 0.003 m; vertices \u03c3 up to x 0.002, y 0.002, z 0.002 m"
+        said["bay 1 / bar 2"]
+        == "bay 1 / bar 2: height 0.100 ± 0.003 m; vertices \u03c3 up to x 0.002, y 0.002, z 0.002 m"
     )
     assert said["post 1"].endswith("; off the survey by 1.23 cm")
     assert face.one("g", "mapped").one("path").given["d"] == "M0 0h100v-5000h-100z"
@@ -232,7 +232,7 @@ def test_what_is_assumed_is_hatched_and_left_out_of_sigmas(page: Element) -> Non
     assert not page.one(id="row-A2-face").all("g", "assumed")
     said = {title.text.split(":")[0]: title.text for title in assumed.one(id="row-A-face").all("title")}
     assert said["post 1"].endswith("\u03c3 up to x 0.002, y 0.002, z 0.002 m; y of 2 of 4 vertices assumed")
-    assert "height 0.100 \u00b1 0.025 m, assumed" in said["section 1 / bar 1"]
+    assert "height 0.100 \u00b1 0.025 m, assumed" in said["bay 1 / bar 1"]
 
 
 def test_tables_have_headings_and_figures_have_words(page: Element) -> None:

@@ -69,9 +69,9 @@ def test_a_face_view_zooms_and_tells_what_is_under_the_pointer(page: Any) -> Non
     assert face.get_attribute("viewBox") != before
     page.keyboard.press("0")
     assert face.get_attribute("viewBox") == before
-    bar = face.locator(".mapped path", has_text="section 1 / bar 1").element_handle()
+    bar = face.locator(".mapped path", has_text="bay 1 / bar 1").element_handle()
     bar.hover(force=True)
-    told = "section 1 / bar 1: height 0.100 \u00b1 0.003 m"
+    told = "bay 1 / bar 1: height 0.100 \u00b1 0.003 m"
     for x in range(20, 40):  # a scroll that the first hover made silences what is told, for a moment
         bar.hover(force=True, position={"x": x, "y": 2})
         if page.locator("#tip").inner_text().startswith(told):

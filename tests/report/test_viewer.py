@@ -73,10 +73,10 @@ def test_a_part_of_a_place_has_the_sizes_that_the_whole_has_not(tmp_path: Path) 
     (found,) = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}), places=places())))["rows"]
     corners = [10000, 0, 0, 280000, 410000, 0]
     assert found["places"] == [
-        {"id": "section 1", "sizes": {"clear width": [2.7, 0.0042]}, "corners": corners},
-        {"id": "section 1 / space 0", "sizes": {"clear height": [2.0, 0.0014]}, "corners": corners},
-        {"id": "section 1 / space 1", "sizes": {"clear height": [1.9, 0.002]}, "corners": corners},
-        {"id": "section 1 / space 2", "sizes": {}, "corners": corners},
+        {"id": "bay 1", "sizes": {"clear width": [2.7, 0.0042]}, "corners": corners},
+        {"id": "bay 1 / space 0", "sizes": {"clear height": [2.0, 0.0014]}, "corners": corners},
+        {"id": "bay 1 / space 1", "sizes": {"clear height": [1.9, 0.002]}, "corners": corners},
+        {"id": "bay 1 / space 2", "sizes": {}, "corners": corners},
     ]
     assert data_of(written(tmp_path, View(SiteMap({"B": row("B")}, {}), places=places())))["rows"][0]["places"] == []
 

@@ -40,7 +40,7 @@ def said_by_python(site_map: SiteMap, first: str, second: str) -> str:
 
 
 def test_a_section_tells_its_clear_sizes(opened: Open) -> None:
-    page = opened(replace(one_row(), places=places()), "#A/section 1")
+    page = opened(replace(one_row(), places=places()), "#A/bay 1")
     told = page.inner_text("#selection dl").replace("\u00a0", " ").split("\n")
     assert told == [
         "clear width",
@@ -51,19 +51,19 @@ def test_a_section_tells_its_clear_sizes(opened: Open) -> None:
         "1.900 m \u00b1 2 mm",
     ]
     page.click("#selection li button >> nth=0")
-    assert selected(page) == "section 1 / bar 1"
+    assert selected(page) == "bay 1 / bar 1"
     page.click("#selection dd button")
-    assert selected(page) == "section 1"
-    assert page.evaluate("decodeURI(location.hash)") == "#A/section 1"
-    bare = opened(one_row(), "#A/section 1")
-    assert (selected(bare), bare.locator("#selection dl").count()) == ("section 1", 0)
+    assert selected(page) == "bay 1"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/bay 1"
+    bare = opened(one_row(), "#A/bay 1")
+    assert (selected(bare), bare.locator("#selection dl").count()) == ("bay 1", 0)
 
 
 def test_a_section_of_one_element_tells_its_sizes_too(opened: Open) -> None:
     whole = row()
     alone = replace(whole, structures={"things": whole.structures["things"][:3]})
-    page = opened(View(SiteMap({"A": alone}, {}), places=places()), "#A/section 1")
-    assert selected(page) == "section 1"
+    page = opened(View(SiteMap({"A": alone}, {}), places=places()), "#A/bay 1")
+    assert selected(page) == "bay 1"
     assert "clear width" in page.inner_text("#selection dl")
 
 
@@ -119,17 +119,17 @@ def test_hostile_texts_are_shown_as_text(opened: Open) -> None:
 
 def test_click_selects_and_address_names_it(opened: Open) -> None:
     page = opened(one_row())
-    x, y = page.evaluate(HERE, ["section 1 / bar 1", 2])
+    x, y = page.evaluate(HERE, ["bay 1 / bar 1", 2])
     page.mouse.click(x - 40, y)
-    assert selected(page) == "section 1 / bar 1"
-    assert page.evaluate("decodeURI(location.hash)") == "#A/section 1 / bar 1"
+    assert selected(page) == "bay 1 / bar 1"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/bay 1 / bar 1"
     page.keyboard.press("Escape")
     assert page.locator("#selection strong").count() == 0
 
 
 @pytest.mark.parametrize(
     ("address", "name"),
-    [("#A21-03", "A21-03"), ("#a/post%202", "post 2"), ("#A/section 1", "section 1"), ("#post 1", "post 1")],
+    [("#A21-03", "A21-03"), ("#a/post%202", "post 2"), ("#A/bay 1", "bay 1"), ("#post 1", "post 1")],
 )
 def test_deep_links(opened: Open, address: str, name: str) -> None:
     assert selected(opened(one_row(), address)) == name
@@ -173,8 +173,8 @@ def test_distance_is_that_of_python(opened: Open, with_joint: bool) -> None:
 def test_joint_covariance_is_loaded_from_beside(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
     view = one_row()
-    text = measure(opened(view), ("post 1", 0), ("section 1 / bar 2", 2))
-    assert text == said_by_python(view.site_map, "post 1 / a", "section 1 / bar 2 / c")
+    text = measure(opened(view), ("post 1", 0), ("bay 1 / bar 2", 2))
+    assert text == said_by_python(view.site_map, "post 1 / a", "bay 1 / bar 2 / c")
 
 
 def test_distance_between_rows(opened: Open) -> None:
@@ -328,7 +328,7 @@ def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     page.click("#doubts summary")
     assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
-    assert selected(page) == "section 1 / bar 2"
+    assert selected(page) == "bay 1 / bar 2"
 
 
 def test_doubts_are_those_of_row_and_plugin(opened: Open) -> None:

@@ -21,8 +21,8 @@ from savmap.report.site_report import viewed
 from savmap.report.viewer import Before, View, write_view
 from savmap.types import SiteMap
 
-OLD = dated_site(1, without=("section 4 / beam 2",), moved_m=0.7)
-NEW = dated_site(2, lifted_m=0.03, without=("section 2 / beam 3",))
+OLD = dated_site(1, without=("bay 4 / beam 2",), moved_m=0.7)
+NEW = dated_site(2, lifted_m=0.03, without=("bay 2 / beam 3",))
 
 
 def data_of(page: Path) -> dict[str, Any]:
@@ -57,9 +57,9 @@ def test_changes_name_elements_of_both_dates(tmp_path: Path) -> None:
         if change["state"] != "same"
     }
     assert told == {
-        ("missing", "section 2 / beam 3", None),
-        ("new", None, "section 4 / beam 2"),
-        ("moved", "section 3 / beam 3", "section 3 / beam 3"),
+        ("missing", "bay 2 / beam 3", None),
+        ("new", None, "bay 4 / beam 2"),
+        ("moved", "bay 3 / beam 3", "bay 3 / beam 3"),
     }
     figures = next(one["tested"] for one in row["before"]["changes"] if one["state"] == "moved")
     ((by, sigma),) = ((by, sigma) for what, by, sigma, told_ in figures if what == "y" and told_)
@@ -148,4 +148,4 @@ def test_report_tells_what_changed(folders: tuple[Path, Path], tmp_path: Path) -
     assert result.exit_code == 0, result.output
     section = page.read_text(encoding="utf-8").split('<section id="changes">')[1].split("</section>")[0]
     assert "1 missing, 1 moved, 1 new, 22 same" in section
-    assert re.search(r"section 3 / beam 3.*?y \+\d+ mm", section, re.DOTALL)
+    assert re.search(r"bay 3 / beam 3.*?y \+\d+ mm", section, re.DOTALL)

@@ -81,7 +81,7 @@ def test_line_has_headline_figure_action() -> None:
 
 
 def repeated(number: int) -> Doubt:
-    beam = f"section {number} / beam 1"
+    beam = f"bay {number} / beam 1"
     what, action = "odd and even frames put an element apart", f"look whether it is one element: {beam}"
     apart = f"{3.1 - 0.06 * abs(number - 20):.1f} cm apart"
     return Doubt("repeatability", what, (beam,), (number, 1.0, 0.0), figure=apart, action=action)
@@ -92,8 +92,8 @@ def test_one_cause_is_one_doubt() -> None:
     singles, other = [repeated(number) for number in range(1, 49)], Doubt("motion", "frames are missing")
     one, kept = by_cause([*singles[:20], other, *singles[20:]])
     assert one.figure == "48 elements, up to 3.1 cm apart"
-    assert one.action == "look whether it is one element: section 1 / beam 1, section 2 / beam 1 and 46 more"
-    assert one.structures == tuple(f"section {number} / beam 1" for number in range(1, 49))
+    assert one.action == "look whether it is one element: bay 1 / beam 1, bay 2 / beam 1 and 46 more"
+    assert one.structures == tuple(f"bay {number} / beam 1" for number in range(1, 49))
     assert one.details == tuple(doubt.line for doubt in singles)
     assert one.place == (20, 1.0, 0.0)
     assert kept == other

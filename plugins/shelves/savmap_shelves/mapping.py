@@ -86,7 +86,7 @@ def _structure(
 
 def _top(upright: int, beams: Sequence[Structure]) -> float:
     """The highest edge beside an upright, or of all where no beam is beside it."""
-    beside = [beam for beam in beams if beam.attributes["section"] in (upright - 1, upright)]
+    beside = [beam for beam in beams if beam.attributes["bay"] in (upright - 1, upright)]
     return max((float(beam.vertices[:, 1].max()) for beam in beside or beams), default=0.0)
 
 
@@ -104,7 +104,7 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
         tracked = [edge for edge in EDGES if (section, beam, edge) in grid.rows]
         corners = [_corner(grid, landmarks, section, beam, corner) for corner in BEAM_CORNERS]
         attributes: dict[str, Attribute] = {
-            "section": section,
+            "bay": section,
             "beam": beam,
             "height_m": 0.0,
             "height_sigma_m": UNKNOWN_M,
@@ -113,7 +113,7 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
             lower, upper = (grid.rows[section, beam, edge][0] for edge in EDGES)
             attributes["height_m"] = float(landmarks[upper].position[1] - landmarks[lower].position[1])
             attributes["height_sigma_m"] = solution.difference_sigma(plugin, lower, upper, 1)
-        yield _structure(f"section {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
+        yield _structure(f"bay {section} / beam {beam}", "beam", BEAM_CORNERS, corners, attributes)
 
 
 def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
@@ -130,8 +130,8 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
 
 
 def _usual_height(beam: Structure, measured: Sequence[Structure]) -> tuple[float, float]:
-    """The height that beams of a beam's section have, where most of so many are alike, or else those of the row; and its standard deviation, m."""
-    section = [other for other in measured if other.attributes["section"] == beam.attributes["section"]]
+    """The height that beams of a beam's bay have, where most of so many are alike, or else those of the row; and its standard deviation, m."""
+    section = [other for other in measured if other.attributes["bay"] == beam.attributes["bay"]]
     for group in (section, measured):
         heights = np.array([_height(other) for other in group])
         usual = float(np.median(heights)) if len(heights) else 0.0
@@ -171,7 +171,7 @@ def _corner(
     grid: TrackGrid, landmarks: Mapping[str, Landmark], section: int, beam: int, corner: str
 ) -> tuple[Floats, Floats]:
     """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet; if its edge was not, that of the other edge."""
-    name = f"section {section} / beam {beam} / {corner}"
+    name = f"bay {section} / beam {beam} / {corner}"
     if name in landmarks:
         return landmarks[name].position, landmarks[name].covariance
     edge, side = corner.split()
@@ -219,7 +219,7 @@ class Elements:
 
 @dataclass(frozen=True, eq=False)
 class MappedSection:
-    """A mapped section: x from its beams' left to right ends (2,), and its beams."""
+    """A mapped bay: x from its beams' left to right ends (2,), and its beams."""
 
     extent: Floats
     beams: Elements
@@ -231,17 +231,17 @@ def uprights_of(structures: Sequence[Structure]) -> Elements:
 
 
 def sections_of(structures: Sequence[Structure]) -> list[MappedSection]:
-    """The sections that have beams, from left to right, with y of the beams' lower and upper edges."""
+    """The bays that have beams, from left to right, with y of the beams' lower and upper edges."""
     grouped: dict[int, list[Structure]] = {}
     for beam in structures:
         if beam.label == "beam":
-            grouped.setdefault(number_of(beam, "section"), []).append(beam)
+            grouped.setdefault(number_of(beam, "bay"), []).append(beam)
     sections = [MappedSection(_extent(beams), _elements(beams, 1, ("lower", "upper"))) for beams in grouped.values()]
     return sorted(sections, key=lambda section: float(section.extent.mean()))
 
 
 def number_of(structure: Structure, attribute: str) -> int:
-    """A structure's number, such as its section's. Raises OutputError where it has none."""
+    """A structure's number, such as its bay's. Raises OutputError where it has none."""
     number = structure.attributes.get(attribute)
     if not isinstance(number, int | np.integer):
         raise OutputError(f"map: {structure.id}: attribute '{attribute}' should be a whole number, not {number!r}")

@@ -53,8 +53,8 @@ class Shelves:
     reference_names = (
         *(f"upright # / {part}" for part in ("foot", "left", "right")),
         *(f"upright # / {side} / {end}" for side, end in product(("left", "right"), ("bottom", "top"))),
-        *(f"section # / beam # / {edge}" for edge in ("lower", "upper")),
-        *(f"section # / beam # / {edge} {side}" for edge, side in product(("lower", "upper"), ("left", "right"))),
+        *(f"bay # / beam # / {edge}" for edge in ("lower", "upper")),
+        *(f"bay # / beam # / {edge} {side}" for edge, side in product(("lower", "upper"), ("left", "right"))),
     )
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")

@@ -13,25 +13,25 @@ Height = Annotated[float, Field(gt=-1, lt=10)]
 
 
 def _alone(key: str) -> Callable[[Any], Any]:
-    """Lets a section's values stand alone, without their `key` and a sigma."""
+    """Lets a bay's values stand alone, without their `key` and a sigma."""
     return lambda given: {key: given} if isinstance(given, int | float | list | tuple) else given
 
 
 def _one_known(values: tuple[float | None, ...]) -> tuple[float | None, ...]:
     if all(value is None for value in values):
-        raise ValueError("no value is given; leave the setting out, or give that of one section at least")
+        raise ValueError("no value is given; leave the setting out, or give that of one bay at least")
     return values
 
 
 class LowestBeam(BaseModel):
-    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a section in order, metres.
+    """Height of the bottom edge of the lowest beam (h_ref of the paper): one value, or one a bay in order, metres.
 
     The values may stand alone, without a sigma.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     values: Height | Annotated[tuple[Height | None, ...], AfterValidator(_one_known)]
-    """One value, or one a section, left to right: `null` where a section has no beam, or was not measured."""
+    """One value, or one a bay, left to right: `null` where a bay has no beam, or was not measured."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.002
     """Standard deviation of each."""
 
@@ -39,14 +39,14 @@ class LowestBeam(BaseModel):
 
 
 class BayPitch(BaseModel):
-    """Distance from an upright's edge to the same edge of the next: one value for all sections, or one a section, metres.
+    """Distance from an upright's edge to the same edge of the next: one value for all bays, or one a bay, metres.
 
     The values may stand alone, without a sigma.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     value: Pitch | Annotated[tuple[Pitch | None, ...], AfterValidator(_one_known)]
-    """One value, or one a section, left to right: `null` where a section was not measured."""
+    """One value, or one a bay, left to right: `null` where a bay was not measured."""
     sigma: Annotated[float, Field(gt=0, le=1)] = 0.003
     """Standard deviation of each."""
 
@@ -71,7 +71,7 @@ class ShelvesSettings(BaseModel):
     """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a long pass
     so slow that things move by no more than 7.4 degrees in between, else 1."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
-    """Height of the bottom edge of the lowest beam, in all sections or section by section, left to right."""
+    """Height of the bottom edge of the lowest beam, in all bays or bay by bay, left to right."""
     bay_pitch_m: BayPitch | None = None
     """From an upright's edge to the same edge of the next."""
     beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005

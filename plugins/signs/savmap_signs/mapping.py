@@ -1,4 +1,4 @@
-"""Signs in the factor graph and in the map: constraints of their corners, structures of the solution, and the section of each."""
+"""Signs in the factor graph and in the map: constraints of their corners, structures of the solution, and the bay of each."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -28,8 +28,8 @@ NORMALS: Mapping[str, Axis] = {"face": "z", "across": "x", "floor": "y"}
 LOST_M = 0.5  # standard deviation of a corner that the solve did not determine
 THICKNESS_M = 0.002  # of a plate; assumed
 RING = np.array([[0, 1], [1, 2], [2, 3], [3, 0]], dtype=np.int64)
-SECTION = "section"
-AT_FACE_M, BESIDE_M = 0.6, 0.4  # of a sign's middle: before or behind the face; left or right of a section
+SECTION = "bay"
+AT_FACE_M, BESIDE_M = 0.6, 0.4  # of a sign's middle: before or behind the face; left or right of a bay
 
 
 def constrain(
@@ -144,14 +144,14 @@ def _structure(number: int, tracks: Sequence[Track], solution: Solution, plugin:
 
 
 def with_bays(signs: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
-    """Signs at the face get the attribute `bay`, such as "section 3": the section in front of which they hang. A sign at an upright
-    belongs to the section that begins there, as one faces it. Sections are what others mapped with an attribute `section`."""
+    """Signs at the face get the attribute `bay`, such as "bay 3": the bay in front of which they hang. A sign at an upright
+    belongs to the bay that begins there, as one faces it. Bays are what others mapped with an attribute `bay`."""
     spans = _section_spans([part for parts in others.values() for part in parts if SECTION in part.attributes])
     return [_with_bay(sign, spans) for sign in signs]
 
 
 def _section_spans(parts: Sequence[Structure]) -> dict[int, tuple[float, float]]:
-    """From where to where, m along x, each section reaches."""
+    """From where to where, m along x, each bay reaches."""
     positions: dict[int, list[float]] = {}
     for part in parts:
         positions.setdefault(int(float(part.attributes[SECTION])), []).extend(part.vertices[:, 0].tolist())

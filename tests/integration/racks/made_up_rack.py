@@ -208,7 +208,7 @@ def errors(made: World, solution: Solution) -> tuple[Floats, Floats, Floats, Flo
         words = name.replace(" /", "").split()
         if words[0] == "upright" and words[3:] == ["top"]:
             truth, axis = made.rack.uprights[int(words[1]) - 1, ("left", "right").index(words[2])], 0
-        elif words[0] == "section" and words[-1] == "left":
+        elif words[0] == "bay" and words[-1] == "left":
             truth, axis = made.rack.beams[int(words[1]) - 1][int(words[3]) - 1, ("lower", "upper").index(words[4])], 1
         else:
             continue

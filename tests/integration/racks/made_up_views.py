@@ -14,7 +14,7 @@ Sighting = tuple[str, str, dict[str, int | str], Floats, Floats]
 
 @dataclass(frozen=True)
 class Rack:
-    """Truth: upright edges (k, 2) m, beams' edges by section, (b, 2) m."""
+    """Truth: upright edges (k, 2) m, beams' edges by bay, (b, 2) m."""
 
     uprights: Floats
     beams: tuple[Floats, ...]
@@ -61,9 +61,9 @@ def sightings(
                     spread = (noise / (across @ right)) ** 2 * np.outer(right, right) + (
                         noise / (over @ up)
                     ) ** 2 * np.outer(up, up)
-                    place: dict[str, int | str] = {"section": section, "beam": beam, "side": side, "edge": edge}
+                    place: dict[str, int | str] = {"bay": section, "beam": beam, "side": side, "edge": edge}
                     yield (
-                        f"section {section} / beam {beam} / {edge} {side}",
+                        f"bay {section} / beam {beam} / {edge} {side}",
                         "beam",
                         place,
                         pixel + shift + lift,

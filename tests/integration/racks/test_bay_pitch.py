@@ -1,4 +1,4 @@
-"""The pitch of the bays as a reference: it gives the scale alone, is reported section by section, and is contradicted aloud."""
+"""The pitch of the bays as a reference: it gives the scale alone, is reported bay by bay, and is contradicted aloud."""
 
 import made_up_rack as made
 import numpy as np
@@ -35,19 +35,19 @@ def test_pitches_alone_give_the_scale_and_are_reported(small: made.World) -> Non
     assert np.abs(x).max() < 0.015
     assert np.abs(y).max() < 0.03
     used = {use.name: use for use in solution.references}
-    assert used["bay pitch of section 3"].solved == pytest.approx(pitches(small)[2], abs=0.005)
+    assert used["bay pitch of bay 3"].solved == pytest.approx(pitches(small)[2], abs=0.005)
     assert not solution.warnings
 
 
 def test_a_wrong_pitch_is_named(small: made.World) -> None:
     first, second, third = pitches(small)
     warnings = " ".join(solved(small, [first, second + 0.04, third], made.references(small)).warnings)
-    assert f"bay pitch of section 2 is given as {second + 0.04:.3f} m" in warnings
+    assert f"bay pitch of bay 2 is given as {second + 0.04:.3f} m" in warnings
 
 
 def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
     ways = assignments({"height": (0.1, 0.2, 0.3), "pitch": 2.7}, (1, 2), "A")
-    assert list(ways) == ["sections 1 to 2 of 3", "sections 2 to 3 of 3"]
+    assert list(ways) == ["bays 1 to 2 of 3", "bays 2 to 3 of 3"]
     assert list(ways.values()) == [
         {"height": {1: 0.1, 2: 0.2}, "pitch": {1: 2.7, 2: 2.7}},
         {"height": {1: 0.2, 2: 0.3}, "pitch": {1: 2.7, 2: 2.7}},
@@ -56,21 +56,21 @@ def test_one_value_goes_for_all_sections_of_a_row_seen_in_part() -> None:
 
 @pytest.mark.parametrize("heights", [(0.1, None, 0.3, 0.4), (0.1, 0.3, 0.4)])
 def test_a_section_without_beams_counts_where_the_list_says_so(heights: tuple[float | None, ...]) -> None:
-    """Section 2 is a passage: the list has null for it, or leaves it out."""
+    """Bay 2 is a passage: the list has null for it, or leaves it out."""
     [given] = assignments({"height": heights}, (1, 3, 4), "A").values()
     assert given == {"height": {1: 0.1, 3: 0.3, 4: 0.4}}
 
 
 def test_a_row_with_a_passage_that_was_seen_in_part() -> None:
     ways = assignments({"height": (0.1, None, 0.3, 0.4)}, (1, 3), "A")
-    assert ways["sections 1 to 3 of 4"] == {"height": {1: 0.1, 3: 0.3}}
-    assert ways["sections 2 to 4 of 4"] == {"height": {3: 0.4}}
+    assert ways["bays 1 to 3 of 4"] == {"height": {1: 0.1, 3: 0.3}}
+    assert ways["bays 2 to 4 of 4"] == {"height": {3: 0.4}}
 
 
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"pitch": (2.7,)}, "pitch gives 1 values, but 2 sections"),
+        ({"pitch": (2.7,)}, "pitch gives 1 values, but 2 bays"),
         ({"height": (0.1, 0.2), "pitch": (2.7, 2.7, 2.7)}, "2 of height and 3 of pitch"),
     ],
 )
@@ -80,7 +80,7 @@ def test_lists_that_do_not_fit_are_refused(given: dict[str, tuple[float, ...]], 
 
 
 def test_a_list_that_is_too_short_for_a_row_with_a_passage_is_told_of_null() -> None:
-    told = r"gives 2 values, but 4 sections were found, 1 of them without beams \(write `null`"
+    told = r"gives 2 values, but 4 bays were found, 1 of them without beams \(write `null`"
     with pytest.raises(SiteError, match=told):
         assignments({"height": (0.1, 0.3)}, (1, 3, 4), "A")
 
@@ -92,4 +92,4 @@ def test_the_height_of_a_lowest_edge_that_was_not_seen_is_not_laid_on_the_next(
     grid = TrackGrid({}, rows)
     [relations] = section_references(grid, {"b": 1, "c": 2}, GridSettings((0.2, 0.3)), "A").values()
     assert [(relation.a, relation.value) for relation in relations] == [(2, 0.3)]
-    assert caplog.messages == ["row A: section 1: the lowest beam's lower edge was not seen; its height is not used"]
+    assert caplog.messages == ["row A: bay 1: the lowest beam's lower edge was not seen; its height is not used"]

@@ -36,7 +36,7 @@ def mapped(
     given = made.references(world)
     widths = [
         KnownLength("upright 2 / left", "upright 2 / right", 0.0986, 0.001),
-        KnownLength("section 1 / beam 2 / lower", "section 1 / beam 2 / upper", 0.1, 0.001),
+        KnownLength("bay 1 / beam 2 / lower", "bay 1 / beam 2 / upper", 0.1, 0.001),
     ]
     given = replace(given, lengths=(*given.lengths, *widths))
     start = made.begin(world)
@@ -45,7 +45,7 @@ def mapped(
     errors, sigmas = [], []
     for section, beams in enumerate(world.rack.beams, 1):
         for beam in range(2 if section == 1 else 0, len(beams)):
-            names = [f"section {section} / beam {beam + 1} / {edge} left" for edge in ("lower", "upper")]
+            names = [f"bay {section} / beam {beam + 1} / {edge} left" for edge in ("lower", "upper")]
             low, high = (solution.landmarks_of("shelves")[name].position[1] for name in names)
             errors.append(high - low - np.ptp(beams[beam]))
             sigmas.append(solution.difference_sigma("shelves", *names, axis=1))

@@ -1,4 +1,4 @@
-"""A row mapped one bay short is doubted or refused where its length or its sections are known."""
+"""A row mapped one bay short is doubted or refused where its length or its bays are known."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def test_length_of_a_row_with_one_bay_more() -> None:
 def test_heights_of_one_section_less() -> None:
     world = made.world(5, sections=3, frames=12, bridge=None)
     settings = GridSettings(world.rack.lowest[:2])
-    with pytest.raises(SiteError, match="gives 2 values, but 3 sections"):
+    with pytest.raises(SiteError, match="gives 2 values, but 3 bays"):
         constrain(world.tracks, world.facts, made.begin(world), settings=settings)
 
 
@@ -39,5 +39,5 @@ def test_references_whose_landmarks_were_all_rejected() -> None:
     heights = [one.a for one in state.problem.relations if one.name.startswith("height")][:2]
     assert len(heights) == 2
     kept = state.fit.kept & ~np.isin(state.problem.measurements.keys, heights)
-    with pytest.raises(SolveError, match="nothing that was seen of height of the lowest edge of section 1, height"):
+    with pytest.raises(SolveError, match="nothing that was seen of height of the lowest edge of bay 1, height"):
         solution_of(replace(state, fit=replace(state.fit, kept=kept)))

@@ -1,4 +1,4 @@
-"""A section's lowest beam that was not seen: its height is not laid on the next beam up, as long as most sections agree."""
+"""A bay's lowest beam that was not seen: its height is not laid on the next beam up, as long as most bays agree."""
 
 from dataclasses import replace
 
@@ -19,27 +19,25 @@ def four() -> made.World:
 
 
 def blind(world: made.World, sections: set[int], camera: bool = True, length: bool = True) -> Problem:
-    """The problem where the lowest beams of some sections were not seen, while their heights are given."""
-    tracks = [
-        track for track in world.tracks if not (track.place.get("section") in sections and track.place["beam"] == 1)
-    ]
+    """The problem where the lowest beams of some bays were not seen, while their heights are given."""
+    tracks = [track for track in world.tracks if not (track.place.get("bay") in sections and track.place["beam"] == 1)]
     begin = made.begin(world)
     own = constrain(tracks, world.facts, begin, settings=GridSettings(world.rack.lowest))
     return merge(camera_priors(world.facts, begin, made.references(world, camera, length)), own)
 
 
 @pytest.mark.parametrize(("camera", "length"), [(True, True), (True, False), (False, True)])
-@pytest.mark.parametrize("section", [1, 3])
+@pytest.mark.parametrize("bay", [1, 3])
 def test_a_missed_lowest_beam_is_told_and_does_no_harm(
     four: made.World, section: int, camera: bool, length: bool
 ) -> None:
     solution = solve(blind(four, {section}, camera, length))
-    told = [line for line in solution.warnings if line.startswith(f"section {section}: the lowest beam at ")]
+    told = [line for line in solution.warnings if line.startswith(f"bay {section}: the lowest beam at ")]
     assert len(told) == 1
     assert "its height is not used" in told[0]
     found = four.rack.beams[section - 1][1, 0]
     assert float(told[0].split("is at ")[1].split()[0]) == pytest.approx(found, abs=0.05)
-    (use,) = (use for use in solution.references if use.name == f"height of the lowest edge of section {section}")
+    (use,) = (use for use in solution.references if use.name == f"height of the lowest edge of bay {section}")
     assert (use.state, use.sigma_used) == ("left out", None)
     assert use.solved == pytest.approx(found, abs=0.05)
     _, y, _, _ = made.errors(four, solution)
@@ -49,7 +47,7 @@ def test_a_missed_lowest_beam_is_told_and_does_no_harm(
 def test_two_missed_beams_are_two_doubts(four: made.World) -> None:
     solution = solve(blind(four, {1, 2}))
     assert [doubt.headline for doubt in solution.doubts] == ["a reference's landmark was not seen"] * 2
-    assert [doubt.details[0].split(":")[0] for doubt in solution.doubts] == ["section 1", "section 2"]
+    assert [doubt.details[0].split(":")[0] for doubt in solution.doubts] == ["bay 1", "bay 2"]
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 
@@ -69,11 +67,11 @@ def test_on_a_known_path_too(four: made.World) -> None:
     known = made.solved(four).trajectory
     problem = blind(four, {2})
     solution = solve(replace(problem, camera=replace(problem.camera, fixed=known)))
-    assert any(line.startswith("section 2: the lowest beam at ") for line in solution.warnings)
+    assert any(line.startswith("bay 2: the lowest beam at ") for line in solution.warnings)
 
 
 def part(world: made.World, heights: list[float]) -> Problem:
-    """The problem where heights are given for more sections than were found, and no length."""
+    """The problem where heights are given for more bays than were found, and no length."""
     begin = made.begin(world)
     own = constrain(world.tracks, world.facts, begin, settings=GridSettings(heights))
     return merge(camera_priors(world.facts, begin, made.references(world, length=False)), own)
@@ -86,7 +84,7 @@ def test_of_more_heights_than_sections_those_that_fit_are_used(four: made.World,
     solution = solve(part(four, heights))
     used = [use.value for use in solution.references if use.name.startswith("height of")]
     assert used == list(four.rack.lowest)
-    assert f"only a part of the row was found: sections {before + 1} to {before + 4} of 6" in solution.warnings[0]
+    assert f"only a part of the row was found: bays {before + 1} to {before + 4} of 6" in solution.warnings[0]
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 
@@ -95,7 +93,7 @@ def test_equal_heights_fit_whatever_part_was_found(four: made.World) -> None:
     own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
     level = made.seen_from(own, four.poses, np.random.default_rng(4))
     solution = solve(part(level, [0.3] * 5))
-    assert "sections 1 to 4 of 5 or sections 2 to 5 of 5" in solution.warnings[0]
+    assert "bays 1 to 4 of 5 or bays 2 to 5 of 5" in solution.warnings[0]
 
 
 def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:
@@ -104,5 +102,5 @@ def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:
 
 
 def test_fewer_heights_than_sections(four: made.World) -> None:
-    with pytest.raises(SiteError, match="3 values, but 4 sections"):
+    with pytest.raises(SiteError, match="3 values, but 4 bays"):
         part(four, list(four.rack.lowest)[:3])

@@ -35,11 +35,11 @@ def test_columns_rows_plane_and_origin(small: made.World) -> None:
     heights = [r for r in own.relations if r.name]
     assert [r.value for r in heights] == pytest.approx(small.rack.lowest)
     assert all("beam 1 / lower" in names[r.a] for r in heights)
-    assert own.coordinates["section 2 / beam 1 / upper"][0] == "y"
+    assert own.coordinates["bay 2 / beam 1 / upper"][0] == "y"
 
 
 def test_number_of_heights_must_match(small: made.World) -> None:
-    with pytest.raises(SiteError, match="gives 2 values, but 3 sections were found"):
+    with pytest.raises(SiteError, match="gives 2 values, but 3 bays were found"):
         constrain(small.tracks, small.facts, made.begin(small), settings=GridSettings([0.3, 0.3]))
 
 
@@ -66,7 +66,7 @@ def test_beams_may_stand_back(small: made.World) -> None:
 
 def test_corners_share_their_uprights_line(small: made.World) -> None:
     """Three corners on one edge, without the upright's own ends, tell as much along the beam as one."""
-    wanted = [f"section 1 / beam {beam} / lower left" for beam in (1, 2, 3)]
+    wanted = [f"bay 1 / beam {beam} / lower left" for beam in (1, 2, 3)]
     frame = small.tracks[0].frames[0]
     base = next(track for track in small.tracks if track.name == wanted[0])
     one = replace(
@@ -92,18 +92,18 @@ def test_structures(small: made.World) -> None:
     assert upright.vertices[:, 0] == pytest.approx(np.tile(small.rack.uprights[1], 2), abs=0.03)
     assert upright.attributes["width_m"] == pytest.approx(np.ptp(small.rack.uprights[1]), abs=0.01)
     assert 1e-4 < float(upright.attributes["width_sigma_m"]) < 0.01
-    beam = structures["section 3 / beam 2"]
+    beam = structures["bay 3 / beam 2"]
     assert beam.vertices[:, 1] == pytest.approx(np.repeat(small.rack.beams[2][1], 2), abs=0.02)
     assert beam.attributes["height_m"] == pytest.approx(0.1, abs=0.01)
-    assert beam.vertex_labels[0] == "section 3 / beam 2 / lower left"
+    assert beam.vertex_labels[0] == "bay 3 / beam 2 / lower left"
     assert np.linalg.eigvalsh(beam.covariances).min() >= 0
 
 
 def test_a_corner_that_was_never_seen_is_where_its_lines_meet(small: made.World) -> None:
-    tracks = [track for track in small.tracks if track.name != "section 2 / beam 2 / upper right"]
+    tracks = [track for track in small.tracks if track.name != "bay 2 / beam 2 / upper right"]
     solution = made.solved(replace(small, tracks=tracks))
     structures = {structure.id: structure for structure in describe(tracks, solution, depth_m=0.9)}
-    beam = structures["section 2 / beam 2"]
+    beam = structures["bay 2 / beam 2"]
     frame = structures["upright 1"].solid
     assert beam.solid is not None
     assert frame is not None

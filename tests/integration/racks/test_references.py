@@ -45,7 +45,7 @@ def test_heights_that_differ_by_little_give_no_scale() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("warped", [False, True])
 def test_pixels_that_are_far_off_are_told_as_such(warped: bool) -> None:
-    """Camera height and section heights give the scale, but errors of 40 px, or a wrong projection, hide it."""
+    """Camera height and bay heights give the scale, but errors of 40 px, or a wrong projection, hide it."""
     small = made.world(6, sections=3, frames=20, bridge=None)
     rng, centre = np.random.default_rng(5), np.array([made.VIEW.width, made.VIEW.height]) / 2
 
@@ -87,7 +87,7 @@ def test_enough_references(small: made.World, camera: bool, length: bool, height
 def test_two_surveyed_points_are_enough(small: made.World) -> None:
     rack = small.rack
     points = tuple(
-        SurveyedPoint(f"section {s} / beam 1 / lower left", (rack.uprights[s - 1, 1], rack.lowest[s - 1], 0.0), 0.002)
+        SurveyedPoint(f"bay {s} / beam 1 / lower left", (rack.uprights[s - 1, 1], rack.lowest[s - 1], 0.0), 0.002)
         for s in (1, 3)
     )
     x, y, _, _ = made.errors(small, made.solved(small, given=References(points=points), heights=False))
@@ -96,7 +96,7 @@ def test_two_surveyed_points_are_enough(small: made.World) -> None:
 
 
 def test_a_gross_error_of_the_length_is_named(small: made.World) -> None:
-    """The sections' heights, which differ, tell that the camera's height is right."""
+    """The bays' heights, which differ, tell that the camera's height is right."""
     span = float(small.rack.uprights[-1, 1]) + 2.0
     true = made.references(small)
     given = References(true.camera_heights, (KnownLength("upright 1 / left", "upright 4 / right", span, 0.003),))
@@ -123,7 +123,7 @@ def test_vague_scale_is_told(small: made.World) -> None:
 def test_all_references_are_reported(small: made.World) -> None:
     used = {use.name: use for use in made.solved(small).references}
     assert used["camera height"].solved == pytest.approx(used["camera height"].value, abs=0.04)
-    assert used["height of the lowest edge of section 2"].value == pytest.approx(small.rack.lowest[1])
+    assert used["height of the lowest edge of bay 2"].value == pytest.approx(small.rack.lowest[1])
     assert len(used) == 5
 
 
@@ -136,14 +136,14 @@ def test_unknown_name_suggests_the_nearest(small: made.World) -> None:
 
 
 def test_length_between_vertices_of_one_column(small: made.World) -> None:
-    names = "section 1 / beam 1 / lower left", "section 1 / beam 3 / upper left"
+    names = "bay 1 / beam 1 / lower left", "bay 1 / beam 3 / upper left"
     found = made.problem(small, made.begin(small), References(lengths=(KnownLength(*names, 2.0, 0.01),)))
     assert [relation.axis for relation in found.relations if relation.name.startswith("length")] == ["y"]
 
 
 def test_length_along_no_axis_is_refused(small: made.World) -> None:
-    corner = "section 1 / beam 1 / lower left"
-    for a, b in ((corner, "section 2 / beam 3 / upper left"), ("upright 1 / left", "section 1 / beam 2 / upper")):
+    corner = "bay 1 / beam 1 / lower left"
+    for a, b in ((corner, "bay 2 / beam 3 / upper left"), ("upright 1 / left", "bay 1 / beam 2 / upper")):
         given = References(lengths=(KnownLength(a, b, 2.0, 0.01),))
         with pytest.raises(SiteError, match="along no one axis"):
             made.problem(small, made.begin(small), given)

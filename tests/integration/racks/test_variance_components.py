@@ -34,7 +34,7 @@ def sigma(solution: Solution, name: str, axis: int) -> float:
     return float(np.sqrt(solution.landmarks_of("shelves")[name].covariance[axis, axis]))
 
 
-def thickness_sigma(solution: Solution, beam: str = "section 1 / beam 2") -> float:
+def thickness_sigma(solution: Solution, beam: str = "bay 1 / beam 2") -> float:
     return solution.difference_sigma("shelves", f"{beam} / lower left", f"{beam} / upper left", 1)
 
 
@@ -86,11 +86,11 @@ def test_an_edge_of_two_minds_is_not_sure(rack: made.World) -> None:
         away = np.arange(len(track.frames)) % 3 == 0
         return replace(track, pixels=track.pixels + 9.0 * away[:, None] * np.array([0.0, 1.0]))
 
-    doubtful = "section 1 / beam 2 / upper"
+    doubtful = "bay 1 / beam 2 / upper"
     tracks = [torn(track) if track.name.startswith(doubtful) else track for track in rack.tracks]
     plain, found = made.solved(rack), made.solved(replace(rack, tracks=tracks))
     assert thickness_sigma(found) > 4 * thickness_sigma(plain)
-    others = [thickness_sigma(solution, "section 2 / beam 2") for solution in (found, plain)]
+    others = [thickness_sigma(solution, "bay 2 / beam 2") for solution in (found, plain)]
     assert others[0] < 1.3 * others[1]
 
 
@@ -105,7 +105,7 @@ def test_relative_biases_grow_with_the_residuals(rack: made.World) -> None:
 
 def test_corners_alone_do_not_place_beams(rack: made.World) -> None:
     """A corner lies on the upright's line, wherever the beam stands: where that line was not measured in one view, but in others."""
-    corner = next(track for track in rack.tracks if track.name == "section 1 / beam 2 / lower left")
+    corner = next(track for track in rack.tracks if track.name == "bay 1 / beam 2 / lower left")
     ends = [track for track in rack.tracks if track.name.startswith("upright 1 / right")]
     late = [replace(end, frames=end.frames + 1000) for end in ends]
     start = made.begin(rack)

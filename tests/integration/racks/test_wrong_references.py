@@ -42,7 +42,7 @@ def problem(
 
 
 def typed(world: made.World, off: float, wanted: str = "check") -> Problem:
-    """The problem with the last section's height off by some metres."""
+    """The problem with the last bay's height off by some metres."""
     heights = [*world.rack.lowest[:-1], world.rack.lowest[-1] + off]
     return problem(world, heights, replace(made.references(world), on_contradiction=wanted))  # type: ignore[arg-type]
 
@@ -58,7 +58,7 @@ def test_a_height_typed_wrong_is_named_and_left_out(four: made.World, off: float
     [doubt] = solution.doubts
     given, true = four.rack.lowest[-1] + off, four.rack.lowest[-1]
     assert doubt.kind == "reference"
-    assert f"height of the lowest edge of section 4 is given as {given:.3f} m" in made.said(doubt)
+    assert f"height of the lowest edge of bay 4 is given as {given:.3f} m" in made.said(doubt)
     assert float(made.said(doubt).split("the rest says ")[1].split()[0]) == pytest.approx(true, abs=0.02)
     assert doubt.place is not None
     assert largest_error(four, solution) < 0.02
@@ -69,14 +69,14 @@ def test_a_right_row_has_no_doubts(four: made.World) -> None:
 
 
 def test_on_contradiction_refuse(four: made.World) -> None:
-    with pytest.raises(SolveError, match=r"contradict.*section 4 is given as"):
+    with pytest.raises(SolveError, match=r"contradict.*bay 4 is given as"):
         solve(typed(four, 0.05, "refuse"))
 
 
 def test_on_contradiction_leave_out(four: made.World) -> None:
     solution = solve(typed(four, 0.05, "leave_out"))
     assert solution.doubts == ()
-    assert any("section 4 is given as" in line for line in solution.warnings)
+    assert any("bay 4 is given as" in line for line in solution.warnings)
     assert "nothing would notice an error of" in solution.unchecked[0]
     assert largest_error(four, solution) < 0.02
 
@@ -141,14 +141,14 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
 
 
 def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> None:
-    """The lowest beam's lower edge is hidden in section 2, and its upper edge was taken for it."""
+    """The lowest beam's lower edge is hidden in bay 2, and its upper edge was taken for it."""
     places = {
-        (track.place.get("section"), track.place.get("beam"), track.place.get("edge"), track.place.get("side")): track
+        (track.place.get("bay"), track.place.get("beam"), track.place.get("edge"), track.place.get("side")): track
         for track in four.tracks
     }
 
     def seen(track: made.Track) -> made.Track:
-        if (track.place.get("section"), track.place.get("beam"), track.place.get("edge")) != (2, 1, "lower"):
+        if (track.place.get("bay"), track.place.get("beam"), track.place.get("edge")) != (2, 1, "lower"):
             return track
         upper = places[2, 1, "upper", track.place["side"]]
         return replace(upper, name=track.name, place=track.place)
@@ -156,7 +156,7 @@ def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> 
     hidden = replace(four, tracks=[seen(track) for track in four.tracks])
     solution = solve(problem(hidden, list(four.rack.lowest), made.references(four)))
     assert solution.doubts == ()
-    assert any("`height of the lowest edge of section 2` is something else" in line for line in solution.warnings)
+    assert any("`height of the lowest edge of bay 2` is something else" in line for line in solution.warnings)
     assert largest_error(four, solution) < 0.02
 
 
@@ -196,7 +196,7 @@ def test_a_thick_beam_is_not_blamed_for_a_wrong_length() -> None:
 
 
 def test_thick_beams_of_a_bridge_look_odd_only_beside_its_own() -> None:
-    """A section's beams may have a profile of their own: the other sections' says nothing of them."""
+    """A bay's beams may have a profile of their own: the other bays' says nothing of them."""
     bridged = made.world(3, sections=4, frames=50, bridge=2)
     thicker = [
         beams + np.array([0.0, 0.05]) if section == 2 else beams for section, beams in enumerate(bridged.rack.beams)
@@ -208,7 +208,7 @@ def test_thick_beams_of_a_bridge_look_odd_only_beside_its_own() -> None:
         world = made.seen_from(replace(bridged.rack, beams=tuple(beams)), bridged.poses, np.random.default_rng(2))
         given = problem(world, list(world.rack.lowest), made.references(world))
         spans = spans_of(given, converged(given).estimate)
-        assert spans["height of the lowest edge of section 3"].is_odd() == expected
+        assert spans["height of the lowest edge of bay 3"].is_odd() == expected
 
 
 def test_a_length_in_feet_is_told(four: made.World) -> None:
@@ -243,14 +243,14 @@ def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
     world = made.seen_from(replace(four.rack, beams=tuple(thick)), four.poses, np.random.default_rng(3))
     heights = [value + 0.06 * (section == 1) for section, value in enumerate(world.rack.lowest)]
     [doubt] = solve(problem(world, heights, made.references(world))).doubts
-    assert "section 2 is given as" in made.said(doubt)
+    assert "bay 2 is given as" in made.said(doubt)
 
 
 def test_one_height_for_all_may_be_missing(four: made.World) -> None:
-    """A section without the lowest beam is no doubt where one height was given for all of them, but it is where its own was."""
+    """A bay without the lowest beam is no doubt where one height was given for all of them, but it is where its own was."""
     own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.25 for beams in four.rack.beams))
     world = made.seen_from(own, four.poses, np.random.default_rng(2))
-    bare = replace(world, tracks=[t for t in world.tracks if (t.place.get("section"), t.place.get("beam")) != (3, 1)])
+    bare = replace(world, tracks=[t for t in world.tracks if (t.place.get("bay"), t.place.get("beam")) != (3, 1)])
     common, each = (solve(problem(bare, heights, made.references(world))) for heights in (0.25, [0.25] * 4))
     assert common.doubts == ()
     assert [doubt.kind for doubt in each.doubts] == ["reference"]
@@ -267,8 +267,8 @@ def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
     world = made.seen_from(rack, bridged.poses, np.random.default_rng(2))
     solution = solve(problem(world, 0.25, made.references(world)))
     [doubt] = solution.doubts
-    assert "height of the lowest edge of section 2 is given as" in made.said(doubt)
-    assert any("section 3: the lowest beam at" in note for note in solution.warnings)
+    assert "height of the lowest edge of bay 2 is given as" in made.said(doubt)
+    assert any("bay 3: the lowest beam at" in note for note in solution.warnings)
     assert largest_error(world, solution) < 0.05
 
 
@@ -279,8 +279,8 @@ def test_lowest_beams_that_goods_hide_in_half_of_the_sections_are_told(hidden: t
     heights = [seen - below for seen, below in zip(world.rack.lowest, hidden, strict=True)]
     solution = solve(problem(world, heights, made.references(world)))
     notes = [line for line in solution.warnings if "was not seen; its height is not used" in line]
-    assert [line.split(":")[0] for line in notes] == ["section 1", "section 3", "section 6"]
-    assert any("section 4" in line for line in solution.warnings) is (min(hidden) < 0)
+    assert [line.split(":")[0] for line in notes] == ["bay 1", "bay 3", "bay 6"]
+    assert any("bay 4" in line for line in solution.warnings) is (min(hidden) < 0)
     assert solution.doubts
     assert largest_error(world, solution) < 0.03
 

@@ -14,7 +14,7 @@ AISLE_M = 3.0
 
 
 def faces(seed: int, sections: int = 3, frames: int = 30) -> tuple[made.World, made.World]:
-    """Row A, and a rack of its own across the aisle, seen from the same poses of the rig. No section is a bridge, whose beams' heights
+    """Row A, and a rack of its own across the aisle, seen from the same poses of the rig. No bay is a bridge, whose beams' heights
     would give the scale."""
     a = made.world(seed, sections=sections, frames=frames, bridge=None)
     rng = np.random.default_rng(1000 + seed)

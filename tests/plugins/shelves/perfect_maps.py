@@ -11,7 +11,7 @@ Row = dict[str, Any]
 
 
 def surveyed_row() -> Row:
-    """Four sections, the third of them a bridge."""
+    """Four bays, the third of them a bridge."""
     return {
         "uprights": [[0.0, 0.1], [3.7, 3.8], [7.5, 7.6], [11.3, 11.4], [14.1, 14.2]],
         "sections": [
@@ -40,8 +40,8 @@ def _upright(number: int, x: tuple[float, float]) -> Structure:
 
 def _beam(section: int, number: int, x: tuple[float, float], y: tuple[float, float]) -> Structure:
     corners = ("lower left", "lower right", "upper left", "upper right")
-    place = {"section": section, "beam": number}
-    return _structure(f"section {section} / beam {number}", "beam", _corners(x, y), corners, place)
+    place = {"bay": section, "beam": number}
+    return _structure(f"bay {section} / beam {number}", "beam", _corners(x, y), corners, place)
 
 
 def _corners(x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:

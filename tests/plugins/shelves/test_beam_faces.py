@@ -17,14 +17,14 @@ def grid_points(z: float = -0.01) -> dict[str, Floats]:
     for beam, low in ((1, 0.2), (2, 1.5)):
         for edge, y in (("lower", low), ("upper", low + 0.1)):
             for side, x in (("left", 0.1), ("right", 2.0)):
-                points[f"section 1 / beam {beam} / {edge} {side}"] = np.array([x, y, z])
+                points[f"bay 1 / beam {beam} / {edge} {side}"] = np.array([x, y, z])
     return points
 
 
 def test_beams_faces_lie_within_their_edges_and_ends() -> None:
     (flat,) = beam_faces(grid_points())
-    assert (flat.landmark, flat.axis) == ("section 1 / beam 1 / lower left", "z")
-    assert [part.name for part in flat.parts] == ["section 1 / beam 1", "section 1 / beam 2"]
+    assert (flat.landmark, flat.axis) == ("bay 1 / beam 1 / lower left", "z")
+    assert [part.name for part in flat.parts] == ["bay 1 / beam 1", "bay 1 / beam 2"]
     for part, low in zip(flat.parts, (0.2, 1.5), strict=True):
         assert part.origin == pytest.approx([0.175, low + 0.012, -0.01])
         assert part.size == pytest.approx([1.75, 0.076])

@@ -93,21 +93,21 @@ def with_a_level_less(row: Row) -> None:
         ),
         (
             with_a_thick_beam,
-            "27.0 cm high, others 10.0 cm; look whether it is right: section 2 / beam 3",
-            ("section 2 / beam 3",),
+            "27.0 cm high, others 10.0 cm; look whether it is right: bay 2 / beam 3",
+            ("bay 2 / beam 3",),
         ),
         (
             with_a_thin_beam,
-            "4.0 cm high, others 10.0 cm; look whether it is right: section 2 / beam 3",
-            ("section 2 / beam 3",),
+            "4.0 cm high, others 10.0 cm; look whether it is right: bay 2 / beam 3",
+            ("bay 2 / beam 3",),
         ),
         (
             with_an_edge_of_something_else,
-            "13.0 cm high, others 10.0 cm; look whether an edge is something else's: section 2 / beam 3",
-            ("section 2 / beam 3",),
+            "13.0 cm high, others 10.0 cm; look whether an edge is something else's: bay 2 / beam 3",
+            ("bay 2 / beam 3",),
         ),
-        (with_a_level_more, "no bay beside has such a beam: 1.75 m", ("section 5 / beam 3",)),
-        (with_a_level_less, "a beam is missing that bays beside have: 1.25 m", ("section 3 / beam 1",)),
+        (with_a_level_more, "no bay beside has such a beam: 1.75 m", ("bay 5 / beam 3",)),
+        (with_a_level_less, "a beam is missing that bays beside have: 1.25 m", ("bay 3 / beam 1",)),
     ],
 )
 def test_what_is_odd_is_named(spoil: Any, says: str, about: tuple[str, ...]) -> None:
@@ -154,34 +154,32 @@ def test_room_for_one_more_beam_below_the_others_highest_is_doubted(others: floa
         levels = (foot + step * np.arange(count)).tolist()
         row["sections"].append({"beams": [[level, level + 0.1] for level in levels]})
     found = [doubt for doubt in doubts_of(structures_of(row)) if "a highest beam may be missing" in doubt.line]
-    assert [doubt.structures for doubt in found] == ([("section 2 / beam 4",)] if doubted else [])
+    assert [doubt.structures for doubt in found] == ([("bay 2 / beam 4",)] if doubted else [])
 
 
-@pytest.mark.parametrize("section", [0, 2, 4])
+@pytest.mark.parametrize("bay", [0, 2, 4])
 def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(section: int) -> None:
     row = uneven_row()
     assert doubts_of(structures_of(row)) == []
     del row["sections"][section]["beams"][2]
     (doubt,) = doubts_of(structures_of(row))
     assert "a beam may be missing between others" in doubt.line
-    assert doubt.structures == (f"section {section + 1} / beam 2", f"section {section + 1} / beam 3")
-    # So is a passage, which the next section has too.
+    assert doubt.structures == (f"bay {section + 1} / beam 2", f"bay {section + 1} / beam 3")
+    # So is a passage, which the next bay has too.
     level = 0.2 + (0.8 + 0.13 * section) * 2
     beside = row["sections"][section - 1 if section else 1]["beams"]
     beside[:] = [beam for beam in beside if abs(beam[0] - level) > 1.0]
-    assert not [
-        doubt for doubt in doubts_of(structures_of(row)) if f"section {section + 1} / beam 2" in doubt.structures
-    ]
+    assert not [doubt for doubt in doubts_of(structures_of(row)) if f"bay {section + 1} / beam 2" in doubt.structures]
 
 
-@pytest.mark.parametrize("section", [0, 2, 4])
+@pytest.mark.parametrize("bay", [0, 2, 4])
 def test_a_lowest_beam_that_something_hides_in_all_frames_is_missed(section: int) -> None:
     """A parked truck hid one, and the row was trusted: what was never measured has nothing to be doubted by."""
     row = uneven_row()
     del row["sections"][section]["beams"][0]
     (doubt,) = doubts_of(structures_of(row))
     assert "a lowest beam may be hidden" in doubt.line
-    assert doubt.structures == (f"section {section + 1} / beam 1",)
+    assert doubt.structures == (f"bay {section + 1} / beam 1",)
     assert doubts_of(structures_of(row), lowest_known=True) == []
 
 
@@ -194,7 +192,7 @@ def test_a_beam_right_above_another_may_be_none(room: float, told: bool) -> None
     low, high = row["sections"][1]["beams"][1]
     row["sections"][1]["beams"].insert(2, [high + room, high + room + high - low])
     near = [doubt.structures for doubt in doubts_of(structures_of(row)) if "two beams adjoin" in doubt.line]
-    assert near == ([("section 2 / beam 2", "section 2 / beam 3")] if told else [])
+    assert near == ([("bay 2 / beam 2", "bay 2 / beam 3")] if told else [])
 
 
 def test_a_passage_hides_no_beam() -> None:
@@ -241,9 +239,9 @@ def test_beams_that_grow_away_from_the_cameras_height_are_doubted() -> None:
         doubt for doubt in doubts_of(structures_of(aslant_row(1.9, 0.05, 2.2))) if "beams seem higher" in doubt.line
     ]
     (doubt,) = found
-    assert doubt.details[0].endswith("from 1.9 m above the floor: 9.9 cm there, section 2 / beam 4 14.3 cm")
-    assert "section 2 / beam 4" in doubt.structures
-    assert "section 3 / beam 2" not in doubt.structures
+    assert doubt.details[0].endswith("from 1.9 m above the floor: 9.9 cm there, bay 2 / beam 4 14.3 cm")
+    assert "bay 2 / beam 4" in doubt.structures
+    assert "bay 3 / beam 2" not in doubt.structures
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.004])
@@ -271,7 +269,7 @@ PASSAGE = np.array([3.1, 4.1, 5.1])
         ([PASSAGE, ONE_HIDDEN, PASSAGE], []),
         ([ONE_HIDDEN, PASSAGE, ONE_HIDDEN], []),
     ],
-    ids=["beside", "beyond a passage", "nothing to compare with", "every section has it"],
+    ids=["beside", "beyond a passage", "nothing to compare with", "every bay has it"],
 )
 def test_a_step_too_wide_for_its_section_may_hide_a_beam(
     sections: list[Floats], found: list[tuple[int, int, float]]

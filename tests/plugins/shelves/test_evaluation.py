@@ -58,7 +58,7 @@ def test_errors_are_truth_minus_estimate(surveyed: Row) -> None:
     elements, spaces = score.errors["H element"], score.errors["H gap"]
     assert elements[np.abs(elements) > 1e-9] == pytest.approx([-0.04])
     assert sorted(np.round(spaces[np.abs(spaces) > 1e-9], 9)) == [0.01, 0.03]
-    assert score.deviations["section 1 / beam 2"] == pytest.approx(0.03)
+    assert score.deviations["bay 1 / beam 2"] == pytest.approx(0.03)
 
 
 def test_an_upright_missing_in_the_middle(surveyed: Row) -> None:
@@ -105,10 +105,10 @@ def test_a_spurious_upright_splits_a_section(surveyed: Row) -> None:
     assert score.deviations["upright 3"] == float("inf")
 
 
-@pytest.mark.parametrize("section", [1, 2, 3, 4])
+@pytest.mark.parametrize("bay", [1, 2, 3, 4])
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_any_missing_beam_shifts_no_other(surveyed: Row, section: int, number: int) -> None:
-    score = evaluate(without(structures_of(surveyed), f"section {section} / beam {number}"), surveyed)
+    score = evaluate(without(structures_of(surveyed), f"bay {section} / beam {number}"), surveyed)
     assert counts(score) == (0, 1, 0, 0)
     assert mean_absolute_error(score) == 0
     assert len(score.errors["H element"]) == 21
@@ -209,7 +209,7 @@ def test_noise_of_two_centimetres_is_matched_and_measured(surveyed: Row) -> None
         ("uprights", [[0, 0.1]], "`uprights`: at least 2 entries are expected"),
         ("uprights", [[0, 0.1], [3.8, 3.7]], r"`uprights\[1\]`: \[3.8, 3.7\] should be \[smaller, larger\]"),
         ("uprights", [[0, 0.1], [9, 9.1], [5, 5.1]], r"`uprights`: \[5.0, 5.1\] should lie beyond \[9.0, 9.1\]"),
-        ("sections", [], "5 uprights bound 4 sections, not 0"),
+        ("sections", [], "5 uprights bound 4 bays, not 0"),
         ("sections", [{"beam": []}] * 4, r"unknown key `sections\[0\]\.beam`: did you mean `beams`\?"),
     ],
 )
@@ -224,5 +224,5 @@ def test_structures_of_another_shape_are_one_line(surveyed: Row) -> None:
     unlabelled = replace(structures[0], vertex_labels=("a", "b", "c", "d"))
     with pytest.raises(OutputError, match="upright 1: no vertex is labelled 'left'"):
         evaluate([unlabelled], surveyed)
-    with pytest.raises(OutputError, match="section 1 / beam 1: attribute 'section' should be"):
+    with pytest.raises(OutputError, match="bay 1 / beam 1: attribute 'bay' should be"):
         evaluate([replace(structures[5], attributes={})], surveyed)

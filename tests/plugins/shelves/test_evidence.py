@@ -43,7 +43,7 @@ def test_a_strong_thing_that_is_short_is_no_level() -> None:
 
 
 def test_a_level_that_is_thin_and_faint_all_along_is_of_another_rack() -> None:
-    """Through an open section a rack behind is seen, whose beams are farther away."""
+    """Through an open bay a rack behind is seen, whose beams are farther away."""
     evidence = seen((1, (2.8, 5.4), (2.6, 2.67), 0.4))
     tracked = Grid(POSTS, [LEVELS, np.concatenate([LEVELS, [[2.6, 2.67]]]), LEVELS])
     assert [len(levels) for levels in searched(Face(evidence, tracked, EvidenceSettings())).sections] == [3, 3, 3]
@@ -147,7 +147,7 @@ def points_of(grid: Grid) -> dict[str, Floats]:
         for end, y in (("top", 4.0), ("bottom", 0.0))
     }
     beams = {
-        f"section {section} / beam {beam} / {edge} {side}": np.array([grid.posts[section - 1, 1], y, 0.0])
+        f"bay {section} / beam {beam} / {edge} {side}": np.array([grid.posts[section - 1, 1], y, 0.0])
         for section, levels in enumerate(grid.sections, 1)
         for beam, level in enumerate(levels, 1)
         for edge, y in zip(("lower", "upper"), level, strict=True)
@@ -166,8 +166,8 @@ def test_the_tracked_grid_is_read_off_its_landmarks() -> None:
 def test_a_level_whose_edges_are_crossed_keeps_its_place() -> None:
     points = points_of(WHOLE)
     for side in ("left", "right"):
-        points[f"section 1 / beam 2 / lower {side}"][1] = 1.97
-        points[f"section 1 / beam 2 / upper {side}"][1] = 1.95
+        points[f"bay 1 / beam 2 / lower {side}"][1] = 1.97
+        points[f"bay 1 / beam 2 / upper {side}"][1] = 1.95
     grid = tracked_grid(points)
     assert grid is not None
     assert grid.sections[0][1] == pytest.approx([1.93, 1.99])
@@ -178,7 +178,7 @@ def test_a_level_whose_edges_are_crossed_keeps_its_place() -> None:
 def test_an_edge_that_was_not_tracked_is_as_far_from_the_other_as_usual() -> None:
     points = points_of(WHOLE)
     for side in ("left", "right"):
-        del points[f"section 1 / beam 2 / upper {side}"], points[f"section 3 / beam 1 / lower {side}"]
+        del points[f"bay 1 / beam 2 / upper {side}"], points[f"bay 3 / beam 1 / lower {side}"]
     grid = tracked_grid(points)
     assert grid is not None
     assert is_whole(grid)
@@ -295,7 +295,7 @@ def test_a_level_below_guarded_feet_is_believed_where_the_other_sections_have_th
 def test_lowest_levels_that_guarded_feet_put_below_the_floor_are_found_above_the_measured_one(
     floor: float | None, believed: bool
 ) -> None:
-    """No section has its lowest level: each one that shows in part tells that the others are no markings."""
+    """No bay has its lowest level: each one that shows in part tells that the others are no markings."""
     hidden = [(0, tuple(post), (-1.0, 0.9), 0.0) for post in POSTS.tolist()]
     faint = [(1, (left + 1.9, left + 2.7), (0.4, 0.52), 0.0) for left in POSTS[:-1, 0].tolist()]
     found = expected_grid(seen(*hidden, *faint), Grid(POSTS, [LEVELS[1:]] * 3), floor=floor)
@@ -318,7 +318,7 @@ def test_a_floor_painted_like_the_beams_does_not_move_the_lowest_one() -> None:
 
 @pytest.mark.parametrize("tracked", [np.array([[1.8, 1.9], *LEVELS[[0, 2]].tolist()]), LEVELS[[0, 2]]])
 def test_a_beam_is_where_its_paint_is_not_where_the_network_sees_what_adjoins(tracked: Floats) -> None:
-    """The network takes what lies right below a beam for it, in one section: it was tracked there, or not at all. A part of the beam is in the shade."""
+    """The network takes what lies right below a beam for it, in one bay: it was tracked there, or not at all. A part of the beam is in the shade."""
     evidence = painted(seen((1, (2.9, 5.3), (1.9, 2.02), 0.2), (1, (2.9, 5.3), (1.8, 1.9), 0.9)))
     found = expected_grid(
         covered(evidence, (1.9, 2.02), DARK, (2.8, 3.4)), Grid(POSTS, [LEVELS, np.sort(tracked, axis=0), LEVELS])
@@ -413,7 +413,7 @@ UNDER, RIM, FACE, GOODS = (70, 60, 50), (150, 200, 160), (90, 140, 100), (150, 1
 def in_pieces(
     *pieces: tuple[float, float], paint: tuple[int, int, int] = FACE, probability: float = 0.0
 ) -> PlaneEvidence:
-    """Six levels in each section. Of the third one of the second section the network sees nothing, and goods leave these pieces (x from, to)."""
+    """Six levels in each bay. Of the third one of the second bay the network sees nothing, and goods leave these pieces (x from, to)."""
     patch = face_patch(Grid(POSTS, [MORE] * 3))
     assert patch is not None
     mean, picture = np.zeros((2, *patch.shape), np.float32), np.full((*patch.shape, 3), UNDER, np.uint8)

@@ -42,7 +42,7 @@ def test_an_edge_measured_nowhere_is_where_most_beams_have_it(edge: str) -> None
     np.testing.assert_allclose(beams[1].vertices[:, 1], [1.2, 1.2, 1.3, 1.3])
     assert 0.004 < np.sqrt(beams[1].covariances[0 if edge == "lower" else 2, 1, 1]) < 0.05
     assert beams[1].attributes["height_m"] == pytest.approx(0.1)
-    action = f"look where it is: {edge} edge not seen of section 1 / beam 2"
+    action = f"look where it is: {edge} edge not seen of bay 1 / beam 2"
     assert [(one.line, one.minor) for one in doubts_of(beams) if one.structures == (beams[1].id,)] == [
         (f"a beam's edge was not seen: assumed 10.0 cm high; {action}", True)
     ]
@@ -54,10 +54,10 @@ def taller(beam: Structure, by_m: float) -> Structure:
 
 def test_a_section_of_beams_of_its_own_height_tells_its_hidden_edges() -> None:
     beams = [
-        taller(beam, 0.04) if number != 1 and beam.attributes["section"] == 1 else beam
+        taller(beam, 0.04) if number != 1 and beam.attributes["bay"] == 1 else beam
         for number, beam in enumerate(beams_with_free_edges("upper"))
     ]
-    own = [beam for beam in beams if beam.attributes["section"] == 1]
+    own = [beam for beam in beams if beam.attributes["bay"] == 1]
     assert len(own) > 3
     assert with_usual_height(beams)[1].attributes["height_m"] == pytest.approx(0.14)
 

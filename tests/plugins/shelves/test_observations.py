@@ -20,7 +20,7 @@ BAYS = [{"width": 2.0, "beams": [0.2, 1.2, 2.2]}, {"width": 1.5, "beams": [1.8, 
 
 
 def small_scene(**changes: Any) -> Scene:
-    """Two sections with a tunnel, a row across and a row behind."""
+    """Two bays with a tunnel, a row across and a row behind."""
     content: dict[str, Any] = {
         "seed": 3,
         "hall": {"x": [-3.0, 7.0], "z": [-4.0, 5.0], "height": 4.5},

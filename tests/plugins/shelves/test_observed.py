@@ -18,7 +18,7 @@ VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=130.0)
 
 @pytest.fixture(scope="module")
 def row() -> tuple[Built, Drive]:
-    """Two sections of three beams, driven past without disturbance."""
+    """Two bays of three beams, driven past without disturbance."""
     bays = [{"width": 2.0, "beams": [0.2, 1.2, 2.2]}] * 2
     cart = {"start": [0.5, 1.2], "end": [3.5, 1.2], "height": 1.5, "frames": 12, "sway": 0, "weave": 0, "tilt": 0}
     scene = parse_scene(

@@ -24,10 +24,10 @@ def site_of(structures: list[Structure]) -> SiteMap:
 
 def test_each_opening_is_the_space_between_two_beams() -> None:
     found = {one.id: one for one in openings(structures_of(surveyed_row()))}
-    low, high = found["section 1 / opening 1"].vertices.min(axis=0), found["section 1 / opening 1"].vertices.max(axis=0)
+    low, high = found["bay 1 / opening 1"].vertices.min(axis=0), found["bay 1 / opening 1"].vertices.max(axis=0)
     np.testing.assert_allclose((low, high), ([0.1, 0.4, 0], [3.7, 1.2, 0]))
-    assert found["section 1 / opening 1"].attributes == {"section": 1, "level": 1}
-    bridge = found["section 3 / opening 0"]
+    assert found["bay 1 / opening 1"].attributes == {"bay": 1, "level": 1}
+    bridge = found["bay 3 / opening 0"]
     assert bridge.vertices[:, 1].min() == 0
     assert bridge.vertices[:, 1].max() == 4.2
 
@@ -49,20 +49,20 @@ def test_openings_are_the_slots_with_a_beam_above() -> None:
 def test_without_an_upright_no_width_is_compared() -> None:
     whole = structures_of(surveyed_row())
     part = [one for one in whole if one.id != "upright 2"]
-    lone = next(one for one in openings(part) if one.id == "section 1 / opening 1")
+    lone = next(one for one in openings(part) if one.id == "bay 1 / opening 1")
     np.testing.assert_allclose(np.ptp(lone.vertices, axis=0), [0, 0.8, 0])
     found = compare_maps(
         site_of(whole), site_of(part), ({"A": {"shelves": openings(whole)}}, {"A": {"shelves": openings(part)}})
     ).rows[0]
     tested = {one.name: {figure.what for figure in one.differences} for one in found.openings}
-    assert tested["section 1 / opening 1"] == {"size y"}
-    assert tested["section 3 / opening 0"] == {"size x", "size y"}
+    assert tested["bay 1 / opening 1"] == {"size y"}
+    assert tested["bay 3 / opening 0"] == {"size x", "size y"}
     assert {one.state for one in found.openings} == {"same"}
 
 
 def test_beams_without_a_section_are_refused() -> None:
     bad = replace(structures_of(surveyed_row())[-1], attributes={})
-    with pytest.raises(OutputError, match="'section' should be a whole number"):
+    with pytest.raises(OutputError, match="'bay' should be a whole number"):
         open_plugin("shelves", {}).openings([bad])
 
 
@@ -89,8 +89,8 @@ def test_a_raised_beam_changes_the_openings_beside_it() -> None:
     )
     changed = {one.name: one.significant[0] for one in found.rows[0].openings if one.state != "same"}
     assert {name: round(one.difference_m or 0, 2) for name, one in changed.items()} == {
-        "section 2 / opening 2": 0.08,
-        "section 2 / opening 3": -0.08,
+        "bay 2 / opening 2": 0.08,
+        "bay 2 / opening 3": -0.08,
     }
     assert {one.what for one in changed.values()} == {"size y"}
 
@@ -133,8 +133,8 @@ def test_places_have_the_clear_sizes_of_the_slots() -> None:
     slots = {(slot.bay, slot.level): slot for slot in slots_of(site, "shelves")}
     found = {one.id: one for one in places(row.structures["shelves"], "shelves", joint)}
     for (bay, level), slot in slots.items():
-        sizes = found[f"section {bay} / level {level}"].attributes
-        assert sizes["clear_width_m"] == found[f"section {bay}"].attributes["clear_width_m"] == slot.clear_width
+        sizes = found[f"bay {bay} / level {level}"].attributes
+        assert sizes["clear_width_m"] == found[f"bay {bay}"].attributes["clear_width_m"] == slot.clear_width
         assert sizes.get("clear_height_m") == slot.clear_height
     own, shared = (places(row.structures["shelves"], "shelves", one)[0].attributes for one in (None, joint))
     assert isinstance(own["clear_width_m"], Measured)
@@ -146,9 +146,9 @@ def test_places_have_the_clear_sizes_of_the_slots() -> None:
 
 def test_a_section_is_found_with_its_clear_width() -> None:
     site = site_of(structures_of(surveyed_row()))
-    (hit,) = find_structures(site, "section 1", lambda: places_of(site))
+    (hit,) = find_structures(site, "bay 1", lambda: places_of(site))
     assert re.search(r"; clear width 3\.600 m \+- \d+\.\d mm$", str(hit))
-    (level,) = find_structures(site, "level 1 of section 1", lambda: places_of(site))
+    (level,) = find_structures(site, "level 1 of bay 1", lambda: places_of(site))
     assert re.search(r"; clear width 3\.600 m .*; clear height 0\.800 m \+- \d+\.\d mm$", str(level))
 
 
@@ -161,7 +161,7 @@ def test_sections_and_levels_are_places_at_the_slots_centres() -> None:
     for key, one in levels.items():
         x, y, z = one.vertices.mean(axis=0)
         np.testing.assert_allclose(slots[key].centre, (x, -z, y), atol=1e-12)
-    np.testing.assert_allclose(found["section 3"].vertices[[0, 3]], [[7.6, 0, 0], [11.3, 6.45, 0]])
+    np.testing.assert_allclose(found["bay 3"].vertices[[0, 3]], [[7.6, 0, 0], [11.3, 6.45, 0]])
     assert find_structures(site_of(made), "level 2 of bay 1", lambda: {"A": {"shelves": places(made)}})[
         0
     ].position_m == pytest.approx([1.9, 1.8, 0])

@@ -108,11 +108,11 @@ def test_depth_is_given_or_assumed() -> None:
 
 def test_signs_name_the_level_on_whose_beam_they_hang() -> None:
     signs = (
-        sign("B", 2.0, 1.3, "section 1"),
-        sign("A", 1.0, 1.3, "section 1"),
-        sign("bay", -0.05, 1.5, "section 1"),
-        sign("floor", 1.0, 0.2, "section 1"),
-        sign("other", 5.0, 1.3, "section 2"),
+        sign("B", 2.0, 1.3, "bay 1"),
+        sign("A", 1.0, 1.3, "bay 1"),
+        sign("bay", -0.05, 1.5, "bay 1"),
+        sign("floor", 1.0, 0.2, "bay 1"),
+        sign("other", 5.0, 1.3, "bay 2"),
     )
     slots = slots_of(SiteMap({"A": row("A", *signs)}, {}), "shelves")
     assert slots[2].signs == ("A", "B")
@@ -125,7 +125,7 @@ def test_signs_name_the_level_on_whose_beam_they_hang() -> None:
 def test_a_sign_is_found_with_the_slot_that_has_it(
     y: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    site = SiteMap({"A": row("A", sign("A21-03", 1.0, y, "section 1"))}, {})
+    site = SiteMap({"A": row("A", sign("A21-03", 1.0, y, "bay 1"))}, {})
     (slot,) = (slot for slot in slots_of(site, "shelves") if slot.signs)
     (hit,) = find(site, "A21-03")
     assert hit.slot is not None
@@ -173,7 +173,7 @@ def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
 
 
 def doubted_row() -> RowMap:
-    against = Doubt("shape", "a beam has an unusual height", ("section 1 / beam 2",))
+    against = Doubt("shape", "a beam has an unusual height", ("bay 1 / beam 2",))
     return replace(row(), verdict=Verdict((against,)))
 
 
@@ -195,7 +195,7 @@ def test_what_is_about_the_whole_row_is_on_all_of_it(tmp_path: Path) -> None:
     doubted = replace(doubted, verdict=Verdict((*doubted.verdict.doubts, length, missing)))
     site = SiteMap({"A": doubted, "B": row("B")}, {})
     assert doubts_of(doubted, "upright 1") == (length,)
-    assert doubts_of(doubted, "section 1 / beam 2") == (doubted.verdict.doubts[0], length)
+    assert doubts_of(doubted, "bay 1 / beam 2") == (doubted.verdict.doubts[0], length)
     for write, name in ((write_csv, "slots"), (write_elements, "elements")):
         write(site, tmp_path / name, "shelves")
         lines = list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
@@ -213,15 +213,15 @@ def test_elements_are_a_line_each(tmp_path: Path) -> None:
     write_elements(SiteMap({"A": doubted_row()}, {}), tmp_path / "elements.csv", "shelves")
     lines = list(csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines()))
     assert [line["element"] for line in lines[:2]] == ["upright 1", "upright 2"]
-    beam = next(line for line in lines if line["element"] == "section 1 / beam 2")
-    assert (beam["section"], beam["number"], beam["bottom_m"], beam["top_m"]) == ("1", "2", "1.2000", "1.3000")
+    beam = next(line for line in lines if line["element"] == "bay 1 / beam 2")
+    assert (beam["bay"], beam["number"], beam["bottom_m"], beam["top_m"]) == ("1", "2", "1.2000", "1.3000")
     assert (beam["left_m"], beam["right_m"], beam["sigma_top_m"]) == ("0.1000", "3.7000", "0.01000")
-    assert [line["element"] for line in lines if line["doubts"]] == ["section 1 / beam 2"]
+    assert [line["element"] for line in lines if line["doubts"]] == ["bay 1 / beam 2"]
 
 
 def unseen_edge_row() -> RowMap:
-    """Of beam 2 of the first section, whose upper edge carries level 2, that edge was not seen; of upright 1 the top."""
-    ends = {"section 1 / beam 2": {"edges": "upper edge not seen"}, "upright 1": {"ends": "top assumed"}}
+    """Of beam 2 of the first bay, whose upper edge carries level 2, that edge was not seen; of upright 1 the top."""
+    ends = {"bay 1 / beam 2": {"edges": "upper edge not seen"}, "upright 1": {"ends": "top assumed"}}
     parts = []
     for one in structures_of(surveyed_row()):
         variances = np.tile(np.diag([1e-6, 1e-4, 1e-6]), (4, 1, 1))
@@ -235,7 +235,7 @@ def test_tables_say_what_was_not_measured(tmp_path: Path) -> None:
     elements = csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines())
     assert {line["element"]: line["assumed"] for line in elements if line["assumed"]} == {
         "upright 1": "top",
-        "section 1 / beam 2": "top",
+        "bay 1 / beam 2": "top",
     }
     write_csv(site, tmp_path / "slots.csv", "shelves")
     slots = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
@@ -247,19 +247,19 @@ def test_tables_say_what_was_not_measured(tmp_path: Path) -> None:
 
 def test_json_is_as_the_published_schema_says(tmp_path: Path) -> None:
     assert (DOCS / "slots.schema.json").read_text(encoding="utf-8") == schema_text()
-    write_json(SiteMap({"A": row("A", sign(HOSTILE, 1.0, 1.3, "section 1"))}, {}), tmp_path / "a.json", "shelves")
+    write_json(SiteMap({"A": row("A", sign(HOSTILE, 1.0, 1.3, "bay 1"))}, {}), tmp_path / "a.json", "shelves")
     text = (tmp_path / "a.json").read_text(encoding="utf-8")
     content = json.loads(text)
     jsonschema.validate(content, json.loads(schema_text()))
     assert content["slots"][2]["signs"] == [HOSTILE]
     assert "\u202e" not in text
     assert content["slots"][2]["clear_height_m"] == 1.0
-    write_json(SiteMap({"A": row("A", sign(HOSTILE, 1.0, 1.3, "section 1"))}, {}), tmp_path / "b.json", "shelves")
+    write_json(SiteMap({"A": row("A", sign(HOSTILE, 1.0, 1.3, "bay 1"))}, {}), tmp_path / "b.json", "shelves")
     assert (tmp_path / "b.json").read_bytes() == (tmp_path / "a.json").read_bytes()
 
 
 def test_csv_has_units_and_no_formula(tmp_path: Path) -> None:
-    write_csv(SiteMap({"=A": row("=A", sign(HOSTILE, 1.0, 1.3, "section 1"))}, {}), tmp_path / "a.csv", "shelves")
+    write_csv(SiteMap({"=A": row("=A", sign(HOSTILE, 1.0, 1.3, "bay 1"))}, {}), tmp_path / "a.csv", "shelves")
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     assert list(lines[0]) == COLUMNS
@@ -270,8 +270,8 @@ def test_csv_has_units_and_no_formula(tmp_path: Path) -> None:
 
 
 def test_structures_of_another_kind_are_refused(tmp_path: Path) -> None:
-    bad = replace(structures_of(surveyed_row())[-1], attributes={"section": "x"})
-    with pytest.raises(OutputError, match="'section' should be a whole number"):
+    bad = replace(structures_of(surveyed_row())[-1], attributes={"bay": "x"})
+    with pytest.raises(OutputError, match="'bay' should be a whole number"):
         slots_of(SiteMap({"A": row(structures=[bad])}, {}), "shelves")
 
 

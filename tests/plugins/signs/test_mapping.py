@@ -52,7 +52,7 @@ def test_a_size_far_off_is_not_used() -> None:
 
 def test_signs_at_the_face_get_the_section_they_hang_at() -> None:
     beams = [
-        structure(f"section {n} / beam 1", np.array([[x, 1.0, 0.0], [x + 2.5, 1.0, 0.0]]), section=n)
+        structure(f"bay {n} / beam 1", np.array([[x, 1.0, 0.0], [x + 2.5, 1.0, 0.0]]), section=n)
         for n, x in ((1, 0.1), (2, 2.7))
     ]
     places = {
@@ -62,4 +62,4 @@ def test_signs_at_the_face_get_the_section_they_hang_at() -> None:
         "over": TRUTH[2],
     }
     related = with_bays([structure(name, at) for name, at in places.items()], {"shelves": beams})
-    assert [sign.attributes.get("bay") for sign in related] == ["section 1", "section 2", "section 2", None]
+    assert [sign.attributes.get("bay") for sign in related] == ["bay 1", "bay 2", "bay 2", None]

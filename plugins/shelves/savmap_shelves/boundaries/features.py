@@ -52,7 +52,7 @@ class Extraction:
 
 @dataclass(frozen=True, eq=False)
 class Separators:
-    """What may bound a section, left to right: strips (s,), and which are uprights to be reported (s,).
+    """What may bound a bay, left to right: strips (s,), and which are uprights to be reported (s,).
 
     Strips that are too short, cut or askew still end beams, but nothing is measured at them.
     """
@@ -75,7 +75,7 @@ def extract_features(
     """The edges of uprights and beams of one view, and the beams' corners at the uprights.
 
     Per upright: edges "left" and "right", extended to the frame's borders, top end first, and a point "foot" where its mask
-    ends inside the frame. Per beam of a section: edges "upper" and "lower", extended to the next uprights, left end
+    ends inside the frame. Per beam of a bay: edges "upper" and "lower", extended to the next uprights, left end
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
@@ -140,7 +140,7 @@ def _beams(extraction: Extraction, detections: Sequence[Detection], separators: 
 
 
 def sorted_beams(extraction: Extraction, strips: Strips, separators: Separators) -> Strips:
-    """The strips that may be beams, section by section from the left, each from the top."""
+    """The strips that may be beams, bay by bay from the left, each from the top."""
     settings, (width, height) = extraction.settings, extraction.size
     long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
     strips = strips[long & strips.two_edged]

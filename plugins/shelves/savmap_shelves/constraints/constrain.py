@@ -43,7 +43,7 @@ HIDDEN_FEET = (
 class GridSettings:
     """What is known of a rack, metres.
 
-    Height of the lowest beam's bottom edge (h_ref), one for all sections or one a section, with its sigma; the pitch of
+    Height of the lowest beam's bottom edge (h_ref), one for all bays or one a bay, with its sigma; the pitch of
     the bays, from an upright's edge to the same one of the next, likewise; how far beams' faces stand back behind the
     uprights', with its sigma. The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the setback:
     5 mm too little make a rack seen from 1.5 m 0.3 % too low. A vertical length ends it.
@@ -89,7 +89,7 @@ def constrain(
 ) -> Constraints:
     """The rack's part of the graph.
 
-    Raises StructureError if there is no grid, SiteError if fewer heights or pitches are given than sections were found.
+    Raises StructureError if there is no grid, SiteError if fewer heights or pitches are given than bays were found.
     """
     settings = settings or GridSettings()
     feet = [track for track in tracks if is_foot(track)] if settings.lowest_beam_bottom_height_m is None else []
@@ -124,7 +124,7 @@ def _weighted(
         apart = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
         return share_edges(tracks, facts.views, start, apart=apart)
     points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
-    bare = {column for column, names in grid.columns.items() if not any(n.startswith("section") for n in names)}
+    bare = {column for column, names in grid.columns.items() if not any(n.startswith("bay") for n in names)}
     return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
 
 
@@ -150,7 +150,7 @@ def _plane(tracks: Sequence[Track], keys: Mapping[str, int], settings: GridSetti
 def section_references(
     grid: TrackGrid, keys: Mapping[str, int], settings: GridSettings, row: str
 ) -> dict[str, tuple[Relation, ...]]:
-    """What was measured of sections, h_ref and pitch, by name; several alternatives where values are given for more sections
+    """What was measured of bays, h_ref and pitch, by name; several alternatives where values are given for more bays
     than were found."""
     figures = {
         "lowest_beam_bottom_height_m": settings.lowest_beam_bottom_height_m,
@@ -161,7 +161,7 @@ def section_references(
         for section, value in values.get("lowest_beam_bottom_height_m", {}).items():
             if (lowest := _lowest_edge(grid, section)) is None:
                 _log.warning(
-                    "row %s: section %d: the lowest beam's lower edge was not seen; its height is not used",
+                    "row %s: bay %d: the lowest beam's lower edge was not seen; its height is not used",
                     row,
                     section,
                 )
@@ -177,22 +177,22 @@ def section_references(
 def assignments(
     given: Mapping[str, Values], sections: Sequence[int], row: str
 ) -> dict[str, dict[str, dict[int, float]]]:
-    """The given figures of the sections found, by setting: the same for all, or one a section of the row, left to right.
+    """The given figures of the bays found, by setting: the same for all, or one a bay of the row, left to right.
 
-    There is one assignment where all sections were found. Where the row has more, each run of neighbours makes one, by name. A section
+    There is one assignment where all bays were found. Where the row has more, each run of neighbours makes one, by name. A bay
     without beams, such as a passage, counts as the others do, and its value is None; a list without it is taken, too, where no other
-    section is missing. Raises SiteError where the row has fewer, or where two settings differ in number.
+    bay is missing. Raises SiteError where the row has fewer, or where two settings differ in number.
     """
     counts = {setting: len(values) for setting, values in given.items() if not isinstance(values, int | float)}
     if len(set(counts.values())) > 1:
         listed = " and ".join(f"{count} of {setting}" for setting, count in counts.items())
-        raise SiteError(f"row {row}: one value for each section is expected, but there are {listed}")
+        raise SiteError(f"row {row}: one value for each bay is expected, but there are {listed}")
     places = _places(sections, next(iter(counts.values()), None))
     for setting, count in counts.items():
         if count <= places[-1]:
             what = f"row {row}: {setting} gives {count} values, but {_found(sections)}"
             raise SiteError(
-                f"{what}; give one for each, or map the row without {setting} to see what is taken for a section"
+                f"{what}; give one for each, or map the row without {setting} to see what is taken for a bay"
             )
     whole = max(counts.values(), default=places[-1] + 1)
     lists = {
@@ -200,7 +200,7 @@ def assignments(
         for setting, values in given.items()
     }
     return {
-        f"sections {first + 1} to {first + places[-1] + 1} of {whole}": {
+        f"bays {first + 1} to {first + places[-1] + 1} of {whole}": {
             setting: _of_sections(values, sections, [first + place for place in places])
             for setting, values in lists.items()
         }
@@ -209,7 +209,7 @@ def assignments(
 
 
 def _places(sections: Sequence[int], count: int | None) -> list[int]:
-    """Where the values of sections with beams are in a list, counted from that of the first."""
+    """Where the values of bays with beams are in a list, counted from that of the first."""
     if count == len(sections):
         return list(range(count))
     return [section - sections[0] for section in sections]
@@ -225,7 +225,7 @@ def _found(sections: Sequence[int]) -> str:
     without = (
         f", {span - len(sections)} of them without beams (write `null` for such a one)" if span > len(sections) else ""
     )
-    return f"{span} sections were found{without}"
+    return f"{span} bays were found{without}"
 
 
 def _pitch(
@@ -235,20 +235,20 @@ def _pitch(
     for side in ("left", "right"):
         if (section, side) in grid.columns and (section + 1, side) in grid.columns:
             first, second = (keys[grid.columns[upright, side][0]] for upright in (section, section + 1))
-            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of section {section}")
+            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of bay {section}")
             return
 
 
 def _lowest_edge(grid: TrackGrid, section: int) -> str | None:
-    """A track on the lower edge of a section's lowest beam; None where that edge was not seen."""
+    """A track on the lower edge of a bay's lowest beam; None where that edge was not seen."""
     lowest = min(beam for number, beam, _ in grid.rows if number == section)
     return next(iter(grid.rows.get((section, lowest, "lower"), ())), None)
 
 
 def _height(edge: int, section: int, value: float, settings: GridSettings) -> Relation:
-    """The height that was given for the lowest edge (its key) of a section."""
-    name = f"height of the lowest edge of section {section}"
-    doubt = f"section {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+    """The height that was given for the lowest edge (its key) of a bay."""
+    name = f"height of the lowest edge of bay {section}"
+    doubt = f"bay {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
     common = isinstance(settings.lowest_beam_bottom_height_m, int | float)
     return replace(known_coordinate("y", edge, value, settings.sigma_m, name, doubt), may_be_missing=common)
 
@@ -263,7 +263,7 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
 
 
 def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[tuple[Axis, int, int], ...]]:
-    """Lower and upper edge of every beam, section by section: most beams of a row have one profile, and those of a bridge their own."""
+    """Lower and upper edge of every beam, bay by bay: most beams of a row have one profile, and those of a bridge their own."""
     for section in grid.sections:
         beams: list[tuple[Axis, int, int]] = [
             ("y", keys[lower], keys[grid.rows[section, beam, "upper"][0]])
@@ -278,7 +278,7 @@ def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str,
     for (upright, side), (first, *_) in grid.columns.items():
         yield f"upright {upright} / {side}", ("x", keys[first])
     for (section, beam, edge), (first, *_) in grid.rows.items():
-        yield f"section {section} / beam {beam} / {edge}", ("y", keys[first])
+        yield f"bay {section} / beam {beam} / {edge}", ("y", keys[first])
 
 
 def _initial_grid(

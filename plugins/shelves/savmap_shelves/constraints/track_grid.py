@@ -11,14 +11,14 @@ Row = tuple[int, int, str]
 
 @dataclass(frozen=True)
 class TrackGrid:
-    """Names of the tracks in each column (upright, side) and row (section, beam, edge)."""
+    """Names of the tracks in each column (upright, side) and row (bay, beam, edge)."""
 
     columns: Mapping[Column, tuple[str, ...]]
     rows: Mapping[Row, tuple[str, ...]]
 
     @property
     def sections(self) -> tuple[int, ...]:
-        """Sections that have beams, in order."""
+        """Bays that have beams, in order."""
         return tuple(sorted({section for section, _, _ in self.rows}))
 
 
@@ -46,14 +46,14 @@ def column_of(track: Track) -> Column:
     """The upright's edge that a track lies on."""
     if track.label == "upright":
         return int(track.place["upright"]), str(track.place["side"])
-    return corner_column(int(track.place["section"]), str(track.place["side"]))
+    return corner_column(int(track.place["bay"]), str(track.place["side"]))
 
 
 def corner_column(section: int, side: str) -> Column:
-    """The upright's edge that beams of a section end at: on the left, the right edge of the section's left upright."""
+    """The upright's edge that beams of a bay end at: on the left, the right edge of the bay's left upright."""
     return (section, "right") if side == "left" else (section + 1, "left")
 
 
 def row_of(track: Track) -> Row:
     """The beam's edge that a corner lies on."""
-    return int(track.place["section"]), int(track.place["beam"]), str(track.place["edge"])
+    return int(track.place["bay"]), int(track.place["beam"]), str(track.place["edge"])

@@ -1,4 +1,4 @@
-"""What of a mapped rack is implausible: elements out of proportion to their likes, beams that grow aslant, levels that one section alone has or
+"""What of a mapped rack is implausible: elements out of proportion to their likes, beams that grow aslant, levels that one bay alone has or
 lacks, and a size that no rack has."""
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Levels that one section alone has or lacks, and steps from beam to beam that may hide one."""
+"""Levels that one bay alone has or lacks, and steps from beam to beam that may hide one."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -13,14 +13,14 @@ LEAST_TO_COMPARE = 4
 REGULAR = 0.8
 LEVEL_M = 0.06
 ROOM_STEPS = 1.1
-"""A highest beam lower than the others' by so many steps of its section leaves room for one above it. No section of 126 simulated rows does."""
+"""A highest beam lower than the others' by so many steps of its bay leaves room for one above it. No bay of 126 simulated rows does."""
 HIGHER_M, PASSAGE_M, LEAST_SECTIONS, LEAST_LEVELS = 0.5, 2.0, 3, 3
-"""A lowest beam so much above those of most sections, of so many at least, may hide one below it; not one that leaves room to pass."""
+"""A lowest beam so much above those of most bays, of so many at least, may hide one below it; not one that leaves room to pass."""
 
 
 def odd_levels(structures: Sequence[Structure]) -> Iterator[Doubt]:
-    """In a rack whose sections have the same levels: one that has one more, or lacks one that both its neighbours have; in any other, steps from
-    level to level that are too wide for their section, and room for one more below the highest ones of the others."""
+    """In a rack whose bays have the same levels: one that has one more, or lacks one that both its neighbours have; in any other, steps from
+    level to level that are too wide for their bay, and room for one more below the highest ones of the others."""
     sections = sections_of(structures)
     if len(sections) < LEAST_TO_COMPARE or _regularity(sections) < REGULAR:
         yield from _steps(sections)
@@ -53,7 +53,7 @@ def adjoining_beams(structures: Sequence[Structure]) -> Iterator[Doubt]:
 
 
 def high_lowest_beams(structures: Sequence[Structure]) -> Iterator[Doubt]:
-    """Sections whose lowest beam is far above those of the others, and is no lintel of a passage: what stands before a section in all frames hides a
+    """Bays whose lowest beam is far above those of the others, and is no lintel of a passage: what stands before a bay in all frames hides a
     beam, and leaves no step to see that by."""
     sections = [section for section in sections_of(structures) if len(section.beams.ids)]
     lowest = np.array([section.beams.intervals[0, 0] for section in sections])
@@ -76,7 +76,7 @@ def _steps(sections: Sequence[MappedSection]) -> Iterator[Doubt]:
 
 
 def _low_highest(sections: Sequence[MappedSection]) -> Iterator[Doubt]:
-    """Sections with room for one more beam below the height of the others' highest ones, which are within a step: goods may hang over it."""
+    """Bays with room for one more beam below the height of the others' highest ones, which are within a step: goods may hang over it."""
     sections = [section for section in sections if len(section.beams.ids)]
     highest = np.array([_heights(section)[-1] for section in sections])
     for number, section in enumerate(sections if len(sections) >= LEAST_SECTIONS else ()):
@@ -90,7 +90,7 @@ def _low_highest(sections: Sequence[MappedSection]) -> Iterator[Doubt]:
 
 
 def _regularity(sections: Sequence[MappedSection]) -> float:
-    """The share of levels that the next section has too."""
+    """The share of levels that the next bay has too."""
     shared = [_has(b, level) for a, b in pairwise(sections) for level in _heights(a)]
     shared += [_has(a, level) for a, b in pairwise(sections) for level in _heights(b)]
     return float(np.mean(shared)) if shared else 0.0

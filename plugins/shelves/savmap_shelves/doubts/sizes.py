@@ -45,7 +45,7 @@ def odd_scale(structures: Sequence[Structure]) -> Iterator[Doubt]:
 
 def odd_bays(structures: Sequence[Structure]) -> Iterator[Doubt]:
     """Distances from upright to upright that differ much from the others: uprights may be missing, or one may be none. A narrow gap without beams
-    between sections with beams is that of two racks that stand end to end."""
+    between bays with beams is that of two racks that stand end to end."""
     uprights = uprights_of(structures)
     middles = np.array([section.extent.mean() for section in sections_of(structures)])
     filled = [bool(((middles > a) & (middles < b)).any()) for a, b in pairwise(uprights.intervals.mean(axis=1))]
@@ -94,7 +94,7 @@ def unmeasured_edges(structures: Sequence[Structure], told_by_profile: bool) -> 
 
 
 def _is_of_another_rack(section: MappedSection, uprights: Floats) -> bool:
-    """Whether most of a section's beams and both its uprights (of n, 2) are of other profiles than the row's, each like one another: two makes of
+    """Whether most of a bay's beams and both its uprights (of n, 2) are of other profiles than the row's, each like one another: two makes of
     racks stand in one row."""
     widths, middles = np.diff(uprights, axis=1)[:, 0], uprights.mean(axis=1)
     beside = np.searchsorted(middles, section.extent.mean()) - np.array([1, 0])
@@ -120,7 +120,7 @@ def _odd_sizes(ids: Sequence[str], intervals: Floats, word: str) -> Iterator[Dou
 
 
 def _unlike_their_section(beams: Sequence[Elements]) -> Iterator[Doubt]:
-    """Beams whose height is neither that of most of the row nor that of the others of their section, in a row where most have one of these:
+    """Beams whose height is neither that of most of the row nor that of the others of their bay, in a row where most have one of these:
     goods, a label or a deck's rim was taken for one of their edges."""
     sizes = [np.diff(group.intervals, axis=1)[:, 0] for group in beams]
     if sum(map(len, sizes)) < LEAST_TO_COMPARE:
@@ -141,7 +141,7 @@ def _unlike_their_section(beams: Sequence[Elements]) -> Iterator[Doubt]:
 
 
 def _of_the_others(sizes: Floats, usual: float) -> Floats:
-    """For each beam of a section (n,) the median of the others; the usual one of the row where there are fewer than two others."""
+    """For each beam of a bay (n,) the median of the others; the usual one of the row where there are fewer than two others."""
     if len(sizes) < 3:
         return np.full(len(sizes), usual)
     return np.array([float(np.median(np.delete(sizes, number))) for number in range(len(sizes))])

@@ -37,4 +37,4 @@ def _faces(grid: Grid, depth: float) -> Iterator[PlanePatch]:
             size = np.array([right - left - 2 * margin, high - low - 2 * trim])
             if size.min() > 0:
                 corner = np.array([left + margin, low + trim, depth])
-                yield PlanePatch(f"section {section} / beam {number}", corner, RIGHT, UP, size, float(size.min()))
+                yield PlanePatch(f"bay {section} / beam {number}", corner, RIGHT, UP, size, float(size.min()))

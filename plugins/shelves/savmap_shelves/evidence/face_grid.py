@@ -14,7 +14,7 @@ CELLS_ACROSS = 5.0
 BEYOND = 1.3
 """How many usual bays the patch reaches beyond the outermost posts: one more bay fits."""
 ROOM = 3.0
-"""Two beams of a section are at least so many thicknesses apart: nothing fits between nearer ones."""
+"""Two beams of a bay are at least so many thicknesses apart: nothing fits between nearer ones."""
 MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 """What OpenCV samples at once, and what memory holds."""
 
@@ -34,8 +34,8 @@ def usual_bay(posts: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each section between them y (m, 2) of its
-    beams' edges from the bottom. `pieces`: section and level numbers, from 0, of levels that show in pieces."""
+    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each bay between them y (m, 2) of its
+    beams' edges from the bottom. `pieces`: bay and level numbers, from 0, of levels that show in pieces."""
 
     posts: Floats
     sections: Sequence[Floats]
@@ -58,7 +58,7 @@ class Grid:
 
     @property
     def spans(self) -> list[Span]:
-        """What lies between the posts of each section."""
+        """What lies between the posts of each bay."""
         return [span_of(posts) for posts in pairwise(self.posts)]
 
     @property
@@ -68,7 +68,7 @@ class Grid:
 
 
 def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
-    """The grid that was tracked, by the first positions of its landmarks; None where it holds no section."""
+    """The grid that was tracked, by the first positions of its landmarks; None where it holds no bay."""
     columns: dict[tuple[int, int], list[float]] = {}
     rows: dict[tuple[int, int, int], list[float]] = {}
     for name, position in points.items():
@@ -101,7 +101,7 @@ def _thick(levels: Floats, usual: float) -> Floats:
 
 
 def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: int) -> Floats:
-    """y (m, 2) of the levels of a section; nan for an edge that was not tracked."""
+    """y (m, 2) of the levels of a bay; nan for an edge that was not tracked."""
     numbers = sorted({beam for number, beam, _ in rows if number == section})
     edges = [[np.median(rows.get((section, beam, edge), [np.nan])) for edge in (0, 1)] for beam in numbers]
     return np.array(edges).reshape(-1, 2)

@@ -1,6 +1,6 @@
 """The choice of second readings of beams' edges: those are accepted that agree, over all frames, with one of the row's beam profiles.
 
-Racks are built of few profiles. If a beam is as high neither as most of the row nor as the others of its section, then one of its edges
+Racks are built of few profiles. If a beam is as high neither as most of the row nor as the others of its bay, then one of its edges
 belongs to another object, or the beam is of another profile. A second reading (savmap_shelves.boundaries.second) is the edge that a picture
 shows where a beam of the usual height would have it. The beam's own edge is at the same height in all frames, to a few per cent of the profile.
 Edges of other objects are at any height.
@@ -37,7 +37,7 @@ class AcceptedReadings:
 def accepted_readings(section: Ints, level_numbers: Ints, first: Floats, second: Floats) -> AcceptedReadings:
     """Accept or refuse the second readings of all levels.
 
-    section (k,): of each level. level_numbers (m,): the level of each sighting, or -1. first, second (m, 2): heights of the lower and upper
+    bay (k,): of each level. level_numbers (m,): the level of each sighting, or -1. first, second (m, 2): heights of the lower and upper
     edges by the first and the second reading, nan where there is none.
     """
     edges, of_first, of_second = np.zeros((len(section), 2), np.bool_), *np.zeros((2, *second.shape), np.bool_)
@@ -128,8 +128,8 @@ def _steady(readings: Floats, height: float) -> bool:
 def _profiles(section: Ints, heights: Floats) -> Iterator[tuple[list[float], bool]]:
     """For each level of heights (k,): the heights that it may have, the likelier first, and whether it is regular, which is to agree with one of them.
 
-    The heights are that of most of the row and that of the others of its section, for a section may have a profile of its own. A regular
-    level has one height only, unless it differs from the row's and its section has beams of that. No heights where the row has no usual height.
+    The heights are that of most of the row and that of the others of its bay, for a bay may have a profile of its own. A regular
+    level has one height only, unless it differs from the row's and its bay has beams of that. No heights where the row has no usual height.
     """
     usual = float(np.median(heights))
     beside = [_median_of_others(heights, section, level, usual) for level in range(len(heights))]

@@ -1,4 +1,4 @@
-"""Steps between beams that are too wide for their section: a beam between may be hidden."""
+"""Steps between beams that are too wide for their bay: a beam between may be hidden."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -8,17 +8,17 @@ import numpy as np
 from savmap.types import Floats
 
 FAR, LEAST_STEPS, EVEN, AMID = 1.6, 3, 1.5, 0.15
-"""A step may hide a beam if all of these hold. It is `FAR` times the median of the section's other steps. There are `LEAST_STEPS` others, the greatest
-at most `EVEN` times the least. The sections beside, or beyond a passage, have beams in it, farther than a share `AMID` of it from its ends. 60 simulated
+"""A step may hide a beam if all of these hold. It is `FAR` times the median of the bay's other steps. There are `LEAST_STEPS` others, the greatest
+at most `EVEN` times the least. The bays beside, or beyond a passage, have beams in it, farther than a share `AMID` of it from its ends. 60 simulated
 rows have no such step."""
 
 
 def wide_steps(sections: Sequence[Floats]) -> Iterator[tuple[int, int, float]]:
-    """Steps of a section that are too wide, where the sections beside have beams: the numbers of the section and of the lower beam, from 0, and the
-    section's median step.
+    """Steps of a bay that are too wide, where the bays beside have beams: the numbers of the bay and of the lower beam, from 0, and the
+    bay's median step.
 
-    sections: heights (m,) of the beams, from the bottom. A beam in the shade behind goods may show in no frame. A passage or a pallet place is
-    no such step: it goes through the sections beside too, or is one of several.
+    bays: heights (m,) of the beams, from the bottom. A beam in the shade behind goods may show in no frame. A passage or a pallet place is
+    no such step: it goes through the bays beside too, or is one of several.
     """
     for number, levels in enumerate(sections):
         steps = np.diff(levels)
@@ -34,6 +34,6 @@ def wide_steps(sections: Sequence[Floats]) -> Iterator[tuple[int, int, float]]:
 
 
 def _beside(sections: Sequence[Floats], number: int, height: float) -> Iterator[Floats]:
-    """The nearest section on either side that has a beam below a height: through a passage there is nothing to compare with."""
+    """The nearest bay on either side that has a beam below a height: through a passage there is nothing to compare with."""
     for side in (reversed(sections[:number]), sections[number + 1 :]):
         yield from islice((levels for levels in side if (levels < height).any()), 1)

@@ -14,7 +14,7 @@ from savmap_shelves.report.slots import edge
 SIDES = ("left", "right", "bottom", "top")
 SIZES = ("width", "height")
 COLUMNS = [
-    *("row", "element", "label", "section", "number"),
+    *("row", "element", "label", "bay", "number"),
     *(f"{side}_m" for side in SIDES),
     *(f"sigma_{side}_m" for side in SIDES),
     *(name for size in SIZES for name in (f"{size}_m", f"sigma_{size}_m")),
@@ -26,7 +26,7 @@ ON_BEAMS = {"bottom": "lower", "top": "upper"}
 
 def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
     """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes, m. An empty cell for what an
-    element has not, such as an upright a section. `assumed`: the sides that nothing measured. Raises OutputError."""
+    element has not, such as an upright a bay. `assumed`: the sides that nothing measured. Raises OutputError."""
     text, said = io.StringIO(), site.doubts()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -51,7 +51,7 @@ def _cells(row: str, element: Structure, assumed: Bools, against: Sequence[str])
     sizes = {name: (value, sigma) for name, value, sigma in element.sizes()}
     return [
         *map(cell, (row, element.id, element.label)),
-        *(str(own.get(key, "")) for key in ("section", element.label)),
+        *(str(own.get(key, "")) for key in ("bay", element.label)),
         *(f"{side.value:.4f}" for side in sides),
         *(f"{side.sigma:.5f}" for side in sides),
         *(

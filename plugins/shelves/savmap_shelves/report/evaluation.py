@@ -1,6 +1,6 @@
 """Mapped shelves against a survey: widths, gaps, edges, missing and spurious elements (paper, section IV).
 
-Uprights are matched in order, then sections by where they lie between matched uprights, then beams in each section in
+Uprights are matched in order, then bays by where they lie between matched uprights, then beams in each bay in
 order. A gap is scored where both its elements are matched and nothing unmatched lies between them on either side.
 """
 
@@ -39,7 +39,7 @@ Intervals = Annotated[list[Interval], AfterValidator(_in_order)]
 
 
 class SurveyedSection(BaseModel):
-    """Beams [y_bottom, y_top] of one section, from the bottom up, metres in the row's frame."""
+    """Beams [y_bottom, y_top] of one bay, from the bottom up, metres in the row's frame."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -47,7 +47,7 @@ class SurveyedSection(BaseModel):
 
 
 class SurveyedRow(BaseModel):
-    """Uprights [x_left, x_right] from left to right and the sections between them, metres in the row's frame.
+    """Uprights [x_left, x_right] from left to right and the bays between them, metres in the row's frame.
 
     Other keys of a survey's row are left alone.
     """
@@ -61,7 +61,7 @@ class SurveyedRow(BaseModel):
     def _section_between_uprights(self) -> Self:
         count = len(self.uprights)
         if len(self.sections) != count - 1:
-            raise ValueError(f"{count} uprights bound {count - 1} sections, not {len(self.sections)}")
+            raise ValueError(f"{count} uprights bound {count - 1} bays, not {len(self.sections)}")
         return self
 
     def upright_intervals(self) -> Floats:
@@ -69,12 +69,12 @@ class SurveyedRow(BaseModel):
         return np.array(self.uprights, dtype=np.float64)
 
     def section_intervals(self) -> Floats:
-        """x of the sections' free width (n - 1, 2)."""
+        """x of the bays' free width (n - 1, 2)."""
         uprights = self.upright_intervals()
         return np.column_stack([uprights[:-1, 1], uprights[1:, 0]])
 
     def beam_intervals(self, section: int) -> Floats:
-        """y of bottom and top edges (m, 2) of a section counted from 0."""
+        """y of bottom and top edges (m, 2) of a bay counted from 0."""
         return np.array(self.sections[section].beams, dtype=np.float64).reshape(-1, 2)
 
 
@@ -249,7 +249,7 @@ def _score_sections(surveyed: SurveyedRow, sections: Sequence[MappedSection], wa
 
 
 def _partners(truth: Floats, estimate: Floats) -> dict[int, int]:
-    """Mapped section of each surveyed one: one to one, the most common width, at least half of the narrower's."""
+    """Mapped bay of each surveyed one: one to one, the most common width, at least half of the narrower's."""
     common = np.minimum(truth[:, None, 1], estimate[None, :, 1]) - np.maximum(truth[:, None, 0], estimate[None, :, 0])
     narrower = np.minimum(np.diff(truth), np.diff(estimate).T)
     rows, columns = linear_sum_assignment(np.maximum(common, 0), maximize=True)

@@ -1,5 +1,5 @@
-"""The clear space between a section's beams, where goods stand: what two dates of a rack are compared by beside its elements, and
-the names of sections and levels."""
+"""The clear space between a bay's beams, where goods stand: what two dates of a rack are compared by beside its elements, and
+the names of bays and levels."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -17,8 +17,8 @@ FLOOR_OPENING = "floor opening"
 
 
 def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
-    """A structure "section 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands on the floor. Its
-    corners are those of the clear space between uprights and beams; where an upright was not mapped, it is a line in the middle of the section,
+    """A structure "bay 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands on the floor. Its
+    corners are those of the clear space between uprights and beams; where an upright was not mapped, it is a line in the middle of the bay,
     which has a height alone. Raises OutputError for structures that lack what the plugin gives them."""
     return [
         _structure(bay, opening, opening.roof)
@@ -31,20 +31,20 @@ def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[S
 def places(
     structures: Sequence[Structure], plugin: str = "shelves", joint: JointCovariance | None = None
 ) -> list[Structure]:
-    """The sections, "section 3", from the floor to their topmost beam, and their levels, "section 3 / level 2", which are the slots of the export: the
-    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A section is also called a bay. Clear
+    """The bays, "bay 3", from the floor to their topmost beam, and their levels, "bay 3 / level 2", which are the slots of the export: the
+    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A bay is also called a bay. Clear
     widths and heights are among the attributes, as the slots have them; what is not known is not there. `assumed`: "clear height assumed"."""
     bays = bays_of(structures, joint, plugin)
     return [place for bay in bays for place in (_section(bay), *_levels(bay, joint, plugin))]
 
 
 def _section(bay: Bay) -> Structure:
-    return _between(f"section {bay.number}", "section", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
+    return _between(f"bay {bay.number}", "bay", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
 
 
 def _levels(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Structure]:
     for opening in openings_of(bay, joint, plugin):
-        name = f"section {bay.number} / level {opening.level}"
+        name = f"bay {bay.number} / level {opening.level}"
         more: dict[str, Attribute] = {"level": opening.level}
         if opening.clear_height:
             more["clear_height_m"] = opening.clear_height
@@ -66,12 +66,12 @@ def _between(
         np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
         tuple(f"{name} / {corner}" for corner in CORNERS),
         RING,
-        {"section": bay.number, "bay": bay.number, **width, **more},
+        {"bay": bay.number, **width, **more},
     )
 
 
 def _structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
-    name = f"section {bay.number} / opening {opening.level}"
+    name = f"bay {bay.number} / opening {opening.level}"
     xs = bay.extent if bay.clear_width else (_middle(*bay.extent),)
     corners = [(x, y, bay.face) for y in (opening.floor, roof) for x in xs]
     named, edges = (CORNERS, RING) if bay.clear_width else (ENDS, UPRIGHT_LINE)
@@ -82,7 +82,7 @@ def _structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
         np.array([np.diag([one.sigma**2 for one in corner]) for corner in corners]),
         tuple(f"{name} / {corner}" for corner in named),
         edges,
-        {"section": bay.number, "level": opening.level},
+        {"bay": bay.number, "level": opening.level},
     )
 
 

@@ -36,7 +36,7 @@ class SlotEntry(_Part):
     frame: Literal["world", "row"]
     """Of the centre: the world's, or the row's own turned z up, where the map does not say how its rows lie to one another."""
     bay: Annotated[int, Field(ge=0)]
-    """The section of the row, from 1, from left to right as one faces it."""
+    """The bay of the row, from 1, from left to right as one faces it."""
     level: Annotated[int, Field(ge=0)]
     """0 on the floor, 1 on the lowest beam, and so on."""
     signs: tuple[str, ...]

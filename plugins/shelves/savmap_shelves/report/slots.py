@@ -46,7 +46,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class Bay:
-    """A section of a row: from where to where it is open along x, its clear width, its depth, z of its face, the beams from the floor up, and the ids of
+    """A bay of a row: from where to where it is open along x, its clear width, its depth, z of its face, the beams from the floor up, and the ids of
     the uprights beside it; all m in the row's frame."""
 
     number: int
@@ -102,12 +102,12 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
 
 
 def bays_of(structures: Sequence[Structure], joint: JointCovariance | None, plugin: str) -> list[Bay]:
-    """The sections that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
+    """The bays that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
     uprights = {number_of(part, "upright"): part for part in structures if part.label == "upright"}
     grouped: dict[int, list[Structure]] = {}
     for part in structures:
         if part.label == "beam":
-            grouped.setdefault(number_of(part, "section"), []).append(part)
+            grouped.setdefault(number_of(part, "bay"), []).append(part)
     sides = {number: (uprights.get(number), uprights.get(number + 1)) for number in grouped}
     return [
         _bay(number, sorted(beams, key=lambda beam: mean_of(beam, 1, "lower")), *sides[number], joint, plugin)
@@ -195,7 +195,7 @@ def _slots_of_bay(
     row: RowMap, plugin: str, bay: Bay, signs: Sequence[Structure], said: Mapping[str, Sequence[str]]
 ) -> Iterator[Slot]:
     """The openings of a bay from the floor up, in the row's frame. `said`: what speaks against structures, by id."""
-    here = sorted((part for part in signs if part.attributes["bay"] == f"section {bay.number}"), key=_middle_x)
+    here = sorted((part for part in signs if part.attributes["bay"] == f"bay {bay.number}"), key=_middle_x)
     at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
     for opening in openings_of(bay, row.joint, plugin):
         centre, covariance = _centre(bay, opening.floor, opening.roof or opening.floor)

@@ -161,7 +161,7 @@ def _joined(grids: Sequence[FaceGrid], passes: Sequence[Ints], row: str) -> Floa
             similarity = laid_on(shapes[main], shapes[index])
             if similarity is None:
                 raise StructureError(
-                    f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same sections"
+                    f"row {row}: passes {index + 1} and {main + 1} do not show enough of the same bays"
                 )
             states[frames] = transformed(grid.fit.states[frames], similarity)
     return states
@@ -205,7 +205,7 @@ class GridFitter:
         uprights = find_uprights(self.sightings, states, frames, limits)
         if len(uprights.x) < 2:
             raise StructureError(
-                f"row {self.row}: {len(uprights.x)} upright found; a section needs two, so the row is seen only in part"
+                f"row {self.row}: {len(uprights.x)} upright found; a bay needs two, so the row is seen only in part"
             )
         kernel = (height, self.settings.level_support)
         floor = self.feet.floor(states, uprights.x)

@@ -1,4 +1,4 @@
-"""Beam levels of each section by kernel density over the corners' heights, and which sighting is of which (paper, III.D)."""
+"""Beam levels of each bay by kernel density over the corners' heights, and which sighting is of which (paper, III.D)."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ THIN, RARE, THICK = 0.86, 0.92, 2.0
 NEAR_FLOOR, LOW, ON_FLOOR, SURE = 0.12, 0.2, 0.016, 0.6
 LEAST_LEVELS, SCATTER, LEAST_SCATTER = 2, 4.0, 0.4
 WEAK = 0.5
-"""The share of the least support that is enough of what all frames together show where a section lacks a level."""
+"""The share of the least support that is enough of what all frames together show where a bay lacks a level."""
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """Beams: section (k,) from 0, y (k, 2) of their lower and upper edges, sorted by section, then height.
+    """Beams: bay (k,) from 0, y (k, 2) of their lower and upper edges, sorted by bay, then height.
 
     which (m,): which beam each sighting is of, or -1. ends (m, 2): whether its corners at the left and right upright may
     be used.
@@ -38,10 +38,10 @@ class Levels:
 
 
 def seen_through(section: Ints, scatter: Floats) -> Bools:
-    """Which levels (k,) are seen through a passage: those of sections (k,) with several levels that all scatter by several times what is usual.
+    """Which levels (k,) are seen through a passage: those of bays (k,) with several levels that all scatter by several times what is usual.
 
     What lies behind the face moves on it as the camera sways, and what looks like one beam there is a different one from time to time. So no
-    level of such a section keeps its height as those of the other sections do; in a section of this row at least one does.
+    level of such a bay keeps its height as those of the other bays do; in a bay of this row at least one does.
     scatter (k, 2): the median residual of each level's lower and upper edge, over its sigma.
     """
     least = scatter.min(axis=1)
@@ -62,10 +62,10 @@ def heights_of(sightings: FaceSightings, corners: Ints, states: Floats) -> Float
 
 
 def _sections(sightings: FaceSightings, states: Floats, uprights: Uprights) -> tuple[Ints, Bools]:
-    """The section (m,) that each sighted beam lies in, -1 if that is not sure, and which of its ends (m, 2) are in it.
+    """The bay (m,) that each sighted beam lies in, -1 if that is not sure, and which of its ends (m, 2) are in it.
 
     A beam whose two uprights are not neighbours, or whose extent passes over an upright that was not sighted in
-    that frame, may lie in either section and is not used.
+    that frame, may lie in either bay and is not used.
     """
     bound = uprights.beside(sightings)
     left = np.where(bound[:, 0] >= 0, bound[:, 0], -1)
@@ -165,7 +165,7 @@ def _assigned(sightings: FaceSightings, section: Ints, centre: Floats, levels: F
 def _hits(sightings: FaceSightings, which: Ints, shape: tuple[int, int]) -> tuple[Bools, Floats]:
     """Whether a level (k, n) was sighted in a frame, and how much of it its mask covered there, 0 where it was not.
 
-    A beam of a rack behind, seen through an open section, fills only part of the space between the uprights.
+    A beam of a rack behind, seen through an open bay, fills only part of the space between the uprights.
     """
     hits, cover = np.zeros(shape, dtype=np.bool_), np.zeros(shape)
     known = np.flatnonzero(which >= 0)
@@ -229,13 +229,13 @@ def _unlike(
     levels: Floats, edges: Floats, which: Ints, support: Floats, floor: float, expected: Bools, trusting: bool
 ) -> Bools:
     """Levels thinner, even where they seem thickest, or much thicker, even where they seem thinnest, than the sure ones of
-    their section (or of the row, where it has less than two), and sighted less.
+    their bay (or of the row, where it has less than two), and sighted less.
 
-    Thin ones are beams of a rack behind, seen through an open section: farther away, so that they look thinner, and hidden
+    Thin ones are beams of a rack behind, seen through an open bay: farther away, so that they look thinner, and hidden
     now and then. Floor markings and edges of goods are thin as well. A beam hidden in part is seen whole in some frames; the
-    lowest one of a section may be hidden from below in all of them, but it is above the floor; others may be beams that are
-    hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, are their section's lowest, or lie where it lacks one. Thick ones are
-    girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames. The lowest one of a section, which goods on
+    lowest one of a bay may be hidden from below in all of them, but it is above the floor; others may be beams that are
+    hidden in nearly all frames: those that are `expected` (k,) are kept where these are trusted, are their bay's lowest, or lie where it lacks one. Thick ones are
+    girders of the roof, and goods; a beam that goods or girders adjoin in the picture is seen alone in some frames. The lowest one of a bay, which goods on
     the floor adjoin in all of them, is kept where it is `expected`.
     """
     leanest, usual, full = (_quantiles(edges, which, len(levels), share) for share in (0.25, 0.5, 0.75))
@@ -262,7 +262,7 @@ def _fills_step(levels: Floats, doubted: Bools) -> Bools:
 
 
 def _low(levels: Floats, lower: Floats, floor: float, near: float | Floats) -> Bools:
-    """Which levels (k,) are the lowest of their section, nearer to the floor than a share of the row's height, with their lower edge (k,) clear of it: what
+    """Which levels (k,) are the lowest of their bay, nearer to the floor than a share of the row's height, with their lower edge (k,) clear of it: what
     hides a beam from below does not reach down to the floor, where pallets and markings lie."""
     if not len(levels) or not np.isfinite(floor):
         return np.zeros(len(levels), dtype=np.bool_)
@@ -279,7 +279,7 @@ def _quantiles(edges: Floats, which: Ints, count: int, share: float) -> Floats:
 
 
 def _crowded(levels: Floats, support: Floats, thickness: float) -> Bools:
-    """Which levels (k,) are so near to one of their section with more support that nothing fits between: one beam may be taken for two."""
+    """Which levels (k,) are so near to one of their bay with more support that nothing fits between: one beam may be taken for two."""
     near = np.abs(levels[:, 1, None] - levels[:, 1]) < ROOM * thickness
     same = levels[:, 0, None] == levels[:, 0]
     return np.asarray((near & same & (support > support[:, None])).any(axis=1))

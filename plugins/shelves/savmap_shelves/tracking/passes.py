@@ -16,7 +16,7 @@ LEVEL_REACH = 0.04
 
 @dataclass(frozen=True, eq=False)
 class PassGrid:
-    """The grid that a pass showed: uprights' centres x (k,) from the left, levels' section (m,) and y (m,)."""
+    """The grid that a pass showed: uprights' centres x (k,) from the left, levels' bay (m,) and y (m,)."""
 
     x: Floats
     section: Ints

@@ -25,7 +25,7 @@ def track_structures(
     settings: TrackingSettings | None = None,
     attitudes: Floats | None = None,
 ) -> list[Track]:
-    """Number uprights, sections and beams through the row and gather the observations of each point.
+    """Number uprights, bays and beams through the row and gather the observations of each point.
 
     features: of all frames, as `extract_features` gives them. attitudes (n, 3, 3): world_from_rig of the frames, where
     they are known to a few degrees; without them the views are taken to face the rack. Raises StructureError where the
@@ -69,13 +69,13 @@ def _warn_of_cut_sections(grid: FaceGrid, facts: RowFacts) -> None:
 
 
 def _warn_of_wide_sections(grid: FaceGrid, facts: RowFacts) -> None:
-    """Warn where a section is so much wider than the others that an upright in it may have been missed."""
+    """Warn where a bay is so much wider than the others that an upright in it may have been missed."""
     widths = np.diff(grid.uprights.x.mean(axis=1))
     for section in range(len(widths) if len(widths) > 1 else 0):
         times = widths[section] / np.median(np.delete(widths, section))
         if times > TOO_WIDE:
             _log.warning(
-                "row %s: section %d is %.1f times as wide as the others: an upright in it may have been missed",
+                "row %s: bay %d is %.1f times as wide as the others: an upright in it may have been missed",
                 facts.name,
                 section + 1,
                 times,
@@ -136,7 +136,7 @@ def _upright_tracks(grid: FaceGrid, agreeing: Ints) -> Iterator[Track]:
 
 
 def _beam_tracks(grid: FaceGrid, agreeing: Ints) -> Iterator[Track]:
-    """Tracks of each beam's corners. Levels are sorted by section, then height."""
+    """Tracks of each beam's corners. Levels are sorted by bay, then height."""
     sides, sections = _sides(grid), grid.levels.section
     number = np.arange(len(sections)) - np.searchsorted(sections, sections)
     for level, side, edge in np.ndindex(len(sections), 2, 2):
@@ -144,8 +144,8 @@ def _beam_tracks(grid: FaceGrid, agreeing: Ints) -> Iterator[Track]:
         part = CORNER_PARTS[side][edge]
         section, beam = int(sections[level]) + 1, int(number[level]) + 1
         height, hand = part.split()
-        place: Place = {"section": section, "beam": beam, "side": hand, "edge": height}
-        yield _track(grid, rows[sides[rows] == side], f"section {section} / beam {beam} / {part}", "beam", place)
+        place: Place = {"bay": section, "beam": beam, "side": hand, "edge": height}
+        yield _track(grid, rows[sides[rows] == side], f"bay {section} / beam {beam} / {part}", "beam", place)
 
 
 def _rows_of(grid: FaceGrid, agreeing: Ints, edge: int) -> Ints:

@@ -149,7 +149,7 @@ def _trimmed(x: Floats, width: Floats, count: Ints, beams: Floats) -> Bools:
     """Leaves out an outermost upright that was in view for a moment only, or that is narrower than the others, unless the beams that end
     at it are as high as others, or it surely stands in the face: `beams` (2,), by the first and the last upright, as shares of what is usual.
 
-    The section of the first is seen only in part. The second is of another row that comes into view behind the end of this: farther away,
+    The bay of the first is seen only in part. The second is of another row that comes into view behind the end of this: farther away,
     so that its beams look lower, too.
     """
     kept = np.ones(len(x), dtype=np.bool_)

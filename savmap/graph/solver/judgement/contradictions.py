@@ -144,7 +144,7 @@ def _explanations(problem: Problem, agreed: Agreement, spans: Mapping[str, Span]
 
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
     """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind. Goods hide the
-    lowest beams of several sections as easily as that of one."""
+    lowest beams of several bays as easily as that of one."""
     kind = {relation.name for relation in problem.relations if relation.note_if_outlier} & {*agreed.all_names}
     found = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
     return found if 2 * len(found) <= len(kind) else frozenset()
@@ -175,7 +175,7 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
 
 
 def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
-    """The explanations that leave the scene some extent; all of them where none does. Equal heights of several sections also agree in a scene
+    """The explanations that leave the scene some extent; all of them where none does. Equal heights of several bays also agree in a scene
     that has shrunk to a point, where every distance is 0. No such scene is real."""
     lengths = frozenset(one.name for one in problem.relations if one.name and one.b is not None)
     left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]

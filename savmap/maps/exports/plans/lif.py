@@ -1,5 +1,5 @@
 """VDMA LIF 1.0 (Layout Interchange Format): nodes and edges along what was driven, a station at either end of each row, and one
-before each of its sections."""
+before each of its bays."""
 
 import math
 from pathlib import Path
@@ -77,7 +77,7 @@ def _edge(graph: RouteGraph, start: int, end: int) -> dict[str, Any]:
 
 
 def _stop(graph: RouteGraph, station: Station, node: int) -> dict[str, Any]:
-    """At a section: on its face, looking at it from the path."""
+    """At a bay: on its face, looking at it from the path."""
     dx, dy = (station.place - graph.nodes[node]).tolist()
     x, y = station.place.tolist()
     return {

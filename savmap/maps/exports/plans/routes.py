@@ -25,19 +25,19 @@ STEP_M = 0.25
 STRAIGHT_M = 0.1
 """How far a path may be from the straight lines between its nodes."""
 SPACING_M = 3.0
-"""The longest way from node to node: about a section."""
+"""The longest way from node to node: about a bay."""
 REACH_M = 5.0
-"""How far the path before a section may be from it."""
+"""How far the path before a bay may be from it."""
 NEAR_M = 0.25
-"""A node so near to where a vehicle would stop is where it stops, such as for the section across the aisle: half of what makes two paths one."""
+"""A node so near to where a vehicle would stop is where it stops, such as for the bay across the aisle: half of what makes two paths one."""
 DECIMALS = 4
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class RouteGraph:
-    """Nodes (n, 2) m in the world, a name for each (that of the section before which it is) and the row by which it was driven first; edges as
-    pairs of nodes, the lower number first, each once, to be driven both ways; for each row the nodes at its left and its right end, as one faces it; and the nodes before sections by the sections' names."""
+    """Nodes (n, 2) m in the world, a name for each (that of the bay before which it is) and the row by which it was driven first; edges as
+    pairs of nodes, the lower number first, each once, to be driven both ways; for each row the nodes at its left and its right end, as one faces it; and the nodes before bays by the bays' names."""
 
     nodes: Floats
     names: tuple[str, ...]
@@ -48,7 +48,7 @@ class RouteGraph:
 
 
 def route_graph(site: SiteMap) -> RouteGraph:
-    """The graph of all rows' paths, with a node before each section that a path comes near. Raises OutputError where rows have no common
+    """The graph of all rows' paths, with a node before each bay that a path comes near. Raises OutputError where rows have no common
     frame."""
     paths = _Paths()
     driven = [drive for drive in drives(site) if len(drive.frames)]
@@ -100,7 +100,7 @@ class _Paths:
         self.rows += [row] * len(found)
 
     def stop(self, station: Station) -> Floats | None:
-        """The place on a path nearest to a section, which becomes a node; None where no path comes near."""
+        """The place on a path nearest to a bay, which becomes a node; None where no path comes near."""
         if not self.lines:
             return None
         _, _, place = self._nearest(station.place)

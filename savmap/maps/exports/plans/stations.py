@@ -1,6 +1,6 @@
-"""Where vehicles stop: before each section of a row, on the path nearest to it.
+"""Where vehicles stop: before each bay of a row, on the path nearest to it.
 
-A section is what structures have the same number of as their attribute `section`; what is written on structures that hang there (`bay`,
+A bay is what structures have the same number of as their attribute `bay`; what is written on structures that hang there (`bay`,
 `text`) is its title.
 """
 
@@ -13,13 +13,13 @@ from savmap.errors import visible
 from savmap.maps.exports.frames import Element, elements
 from savmap.types import Floats, SiteMap, array_record
 
-SECTION, BAY, TEXT = "section", "bay", "text"
+BAY, TEXT = "bay", "text"
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class Station:
-    """A section of a row: the middle of its face (2,) m in the world from above, its name, and what is written there."""
+    """A bay of a row: the middle of its face (2,) m in the world from above, its name, and what is written there."""
 
     name: str
     row: str
@@ -28,21 +28,21 @@ class Station:
 
 
 def stations(site: SiteMap) -> list[Station]:
-    """All sections, row by row, in the order of their numbers. Raises OutputError where rows have no common frame."""
+    """All bays, row by row, in the order of their numbers. Raises OutputError where rows have no common frame."""
     found: dict[tuple[str, int], list[Element]] = {}
     titles: dict[tuple[str, str], list[str]] = {}
     for element in elements(site):
-        number, bay = element.structure.attributes.get(SECTION), element.structure.attributes.get(BAY)
+        number, bay = element.structure.attributes.get(BAY), element.structure.attributes.get(BAY)
         if isinstance(number, int) and len(element.structure.vertices):
             found.setdefault((element.row, number), []).append(element)
         if isinstance(bay, str) and element.structure.attributes.get(TEXT):
             titles.setdefault((element.row, bay), []).append(visible(str(element.structure.attributes[TEXT])))
     return [
         Station(
-            f"{visible(row)} / {SECTION} {number}",
+            f"{visible(row)} / {BAY} {number}",
             row,
             np.mean([element.structure.vertices[:, :2].mean(axis=0) for element in parts], axis=0),
-            ", ".join(titles.get((row, f"{SECTION} {number}"), [])),
+            ", ".join(titles.get((row, f"{BAY} {number}"), [])),
         )
         for (row, number), parts in _in_order(site, found)
     ]

@@ -30,14 +30,14 @@ def line(name: str) -> Structure:
 
 
 def section(number: int, x: float) -> Structure:
-    """A bar of a section, 2 m wide, and what is written before it."""
-    bar = solid(f"section {number}", "bar", (x, 1.5), (2.0, 0.1), 0.05)
-    return replace(bar, attributes={"section": number})
+    """A bar of a bay, 2 m wide, and what is written before it."""
+    bar = solid(f"bay {number}", "bar", (x, 1.5), (2.0, 0.1), 0.05)
+    return replace(bar, attributes={"bay": number})
 
 
 def plate(bay: int, text: str) -> Structure:
     corner = np.array([[0.0, 1.5, 0.0]])
-    attributes = {"bay": f"section {bay}", "text": text}
+    attributes = {"bay": f"bay {bay}", "text": text}
     return Structure("plate", "plate", corner, np.eye(3)[None], ("a",), np.zeros((0, 2), np.int64), attributes)
 
 

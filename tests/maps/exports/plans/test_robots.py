@@ -191,10 +191,10 @@ def test_sections_are_stations_before_which_vehicles_stop(tmp_path: Path) -> Non
     jsonschema.validate(content, LIF)
     (layout,) = content["layouts"]
     stations = {station["stationId"]: station for station in layout["stations"]}
-    second = stations["A / section 2"]
+    second = stations["A / bay 2"]
     assert second["stationName"] == "A-02\\n"
     (node,) = [node for node in layout["nodes"] if [node["nodeId"]] == second["interactionNodeIds"]]
-    assert node["nodeName"] == "A / section 2"
+    assert node["nodeName"] == "A / bay 2"
     np.testing.assert_allclose(list(node["nodePosition"].values()), world(8.5, 1.5), atol=1e-4)
     place = second["stationPosition"]
     np.testing.assert_allclose([place["x"], place["y"]], world(8.5, 0.0), atol=1e-4)

@@ -18,7 +18,7 @@ Image = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Rack:
-    """Uprights (x_left, x_right) and, for each section between two of them, beams (y_bottom, y_top); all at z = 0."""
+    """Uprights (x_left, x_right) and, for each bay between two of them, beams (y_bottom, y_top); all at z = 0."""
 
     uprights: list[tuple[float, float]] = field(
         default_factory=lambda: [(2.6 * i, 2.6 * i + 0.1) for i in range(-3, 5)]

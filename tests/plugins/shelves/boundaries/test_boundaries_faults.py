@@ -75,7 +75,7 @@ def test_uprights_incomplete_in_length_are_kept_down_to_a_half_and_extended() ->
     half = found(picture, upright=without(picture.uprights, slice(0, rows[-1] - HEIGHT // 2 + 8), left))
     assert 0 < counts(half)[0] < counts(kept)[0]
     assert {feature.pixels[0, 0] < WIDTH // 2 for feature in of(half, "upright", "left")} == {False}
-    assert counts(half)[1] == counts(found(picture))[1], "short uprights still separate sections"
+    assert counts(half)[1] == counts(found(picture))[1], "short uprights still separate bays"
 
 
 def test_a_half_is_of_the_rack_where_the_view_is_wider_than_its_height_needs() -> None:

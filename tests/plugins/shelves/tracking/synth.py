@@ -13,7 +13,7 @@ LONG = 200.0
 
 @dataclass(frozen=True)
 class Rack:
-    """x (n, 2) of uprights, per section the (m, 2) bottoms and tops of beams; how far behind the face the last of both lie; metres."""
+    """x (n, 2) of uprights, per bay the (m, 2) bottoms and tops of beams; how far behind the face the last of both lie; metres."""
 
     uprights: Floats
     beams: tuple[Floats, ...]
@@ -63,7 +63,7 @@ class Pass:
 class Footage:
     """Features and facts of a row, the attitudes a program might know (n, 3, 3), true poses (n, 4, 4), and the rack.
 
-    truth: for each feature (by id) which upright or (section, beam) it really shows; None for a false one.
+    truth: for each feature (by id) which upright or (bay, beam) it really shows; None for a false one.
     """
 
     features: list[Feature]
@@ -75,7 +75,7 @@ class Footage:
 
 
 def random_rack(rng: np.random.Generator, sections: int, levels: tuple[int, int] = (3, 8), bridge: bool = True) -> Rack:
-    """A rack with sections 2.5 to 4 m wide; beams 0.5 to 1.6 m apart, now and then a pair 0.3 m apart."""
+    """A rack with bays 2.5 to 4 m wide; beams 0.5 to 1.6 m apart, now and then a pair 0.3 m apart."""
     width = rng.uniform(0.07, 0.13)
     clear = rng.choice([rng.uniform(2.4, 2.9), rng.uniform(3.2, 3.9)], size=sections)
     starts = np.concatenate([[0.0], np.cumsum(clear + width)])

@@ -84,9 +84,7 @@ def test_a_beam_whose_upper_edge_goods_hide_is_tracked_by_its_lower_one() -> Non
     rack = synth.random_rack(rng, 3, bridge=False)
     footage = synth.footage(rack, rng, (synth.Pass(rate=4, speed=0.9, distance=1.7),), CLEAN)
     tracks = track_structures(overhung(footage), footage.facts, attitudes=footage.attitudes)
-    edges = {
-        tuple(track.place[key] for key in ("section", "beam", "edge")) for track in tracks if track.label == "beam"
-    }
+    edges = {tuple(track.place[key] for key in ("bay", "beam", "edge")) for track in tracks if track.label == "beam"}
     every = {
         (section + 1, beam + 1, edge)
         for section, count in enumerate(rack.counts)

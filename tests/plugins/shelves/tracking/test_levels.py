@@ -22,7 +22,7 @@ HIDDEN = (1, 1)
 
 
 def footage_with(level: tuple[float, float]) -> synth.Footage:
-    """A row whose second section shows one more level, of edges at these heights, in every frame."""
+    """A row whose second bay shows one more level, of edges at these heights, in every frame."""
     rng = np.random.default_rng(3)
     rack = synth.random_rack(rng, 3, bridge=False)
     marked = np.vstack([level, rack.beams[1]])
@@ -47,7 +47,7 @@ def levels_of(footage: synth.Footage, *more: Feature) -> list[int]:
 
 
 def counts(footage: synth.Footage, less: int) -> list[int]:
-    """How many levels each section has, if `less` of those of the second section do not count."""
+    """How many levels each bay has, if `less` of those of the second bay do not count."""
     return [count - less * (section == 1) for section, count in enumerate(footage.rack.counts)]
 
 
@@ -160,7 +160,7 @@ def test_the_lowest_level_may_stand_higher_where_all_frames_show_it(
 @pytest.mark.parametrize(
     ("expected", "beside", "kept"),
     [(True, 2.3, True), (False, 2.3, False), (True, 1.4, False)],
-    ids=["all frames show it", "single frames show it", "no section beside has one there"],
+    ids=["all frames show it", "single frames show it", "no bay beside has one there"],
 )
 def test_a_thin_level_is_a_beam_where_its_section_lacks_one(expected: bool, beside: float, kept: bool) -> None:
     own, other = [0.4, 1.4, 2.4, 3.4, 4.4, 5.4], sorted([0.4, beside, 3.4, 4.4, 5.4])
@@ -176,7 +176,7 @@ def test_a_thin_level_is_a_beam_where_its_section_lacks_one(expected: bool, besi
 @pytest.mark.parametrize(
     ("support", "expected", "beside", "kept"),
     [(0.25, True, 2.3, True), (0.1, True, 2.3, False), (0.25, False, 2.3, False), (0.25, True, 1.4, False)],
-    ids=["all frames show it", "hardly sighted", "single frames show it", "no section beside has one there"],
+    ids=["all frames show it", "hardly sighted", "single frames show it", "no bay beside has one there"],
 )
 def test_half_the_support_is_enough_where_a_section_lacks_a_level(
     support: float, expected: bool, beside: float, kept: bool

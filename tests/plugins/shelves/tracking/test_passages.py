@@ -12,7 +12,7 @@ SECTION = np.array([0, 0, 0, 1, 1, 2, 2])
     ("scatter", "through"),
     [
         ([0.7, 0.5], True),
-        ([0.7, 0.1], False),  # one level of the section is where it should be
+        ([0.7, 0.1], False),  # one level of the bay is where it should be
         ([0.3, 0.35], False),  # little, however much more than the others'
     ],
 )

@@ -34,9 +34,9 @@ def test_names_places_and_single_observations() -> None:
     rack = synth.random_rack(rng, 2, bridge=False)
     footage = synth.footage(rack, rng, (SHORT,))
     tracks = {track.name: track for track in track_structures(footage.features, footage.facts)}
-    corner = tracks["section 2 / beam 1 / upper left"]
+    corner = tracks["bay 2 / beam 1 / upper left"]
     assert corner.label == "beam"
-    assert corner.place == {"section": 2, "beam": 1, "side": "left", "edge": "upper"}
+    assert corner.place == {"bay": 2, "beam": 1, "side": "left", "edge": "upper"}
     end = tracks["upright 3 / left / bottom"]
     assert end.label == "upright"
     assert end.place == {"upright": 3, "side": "left", "end": "bottom"}
@@ -109,7 +109,7 @@ def test_a_section_far_too_wide_is_reported(
     footage = synth.footage(replace(rack, uprights=even, beams=levels), rng, (SHORT,), CLEAN)
     with caplog.at_level(logging.WARNING):
         track_structures(footage.features, footage.facts, attitudes=footage.attitudes)
-    assert ("section 2 is 2.0 times as wide as the others" in caplog.text) is warned
+    assert ("bay 2 is 2.0 times as wide as the others" in caplog.text) is warned
 
 
 def test_nothing_seen_is_a_plain_error() -> None:

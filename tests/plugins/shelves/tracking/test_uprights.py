@@ -16,7 +16,7 @@ SHORT = synth.Pass(rate=4, speed=0.9, distance=1.7)
 
 
 def row(share: float, beams: float, behind: float) -> synth.Rack:
-    """Four sections, the last upright narrower than the others by a share, and its section's beams lower; or as far behind the face."""
+    """Four bays, the last upright narrower than the others by a share, and its bay's beams lower; or as far behind the face."""
     x = 2.6 * np.arange(5)[:, None] + np.array([0.0, 0.1])
     x[-1, 1] = x[-1, 0] + 0.1 * share
     bottoms = np.array([0.3, 1.6, 2.9, 4.2])
@@ -50,7 +50,7 @@ def test_a_narrow_upright_at_the_end_of_a_row(share: float, beams: float, behind
 
 @pytest.mark.parametrize("gap", [0.3, 0.45, 1.2, 3.2])
 def test_two_racks_end_to_end_keep_both_their_uprights(gap: float) -> None:
-    """A column of the hall, or a passage, stands between two racks of two sections each: the gap is a section without beams."""
+    """A column of the hall, or a passage, stands between two racks of two bays each: the gap is a bay without beams."""
     ends = np.array([0.0, 2.6, 5.2, 5.3 + gap, 7.9 + gap, 10.5 + gap])
     bottoms = np.array([0.3, 1.6, 2.9, 4.2])
     levels, none = np.column_stack([bottoms, bottoms + 0.12]), np.zeros((0, 2))

@@ -8,9 +8,9 @@ from savmap.types import Feature, Track
 
 
 def counted(tracks: list[Track]) -> tuple[int, list[int]]:
-    """Uprights, and beams in each section."""
+    """Uprights, and beams in each bay."""
     uprights = {track.place["upright"] for track in tracks if track.label == "upright"}
-    beams = {(track.place["section"], track.place["beam"]) for track in tracks if track.label == "beam"}
+    beams = {(track.place["bay"], track.place["beam"]) for track in tracks if track.label == "beam"}
     levels = Counter(section for section, _ in beams)
     return len(uprights), [levels[section] for section in range(1, len(uprights))]
 

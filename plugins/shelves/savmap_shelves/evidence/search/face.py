@@ -73,7 +73,7 @@ class Face:
 
     @cached_property
     def lowest(self) -> list[float]:
-        """y of the lowest level of each tracked section, inf for one without any. Where guards hide the feet, what shows between these and the floor is one."""
+        """y of the lowest level of each tracked bay, inf for one without any. Where guards hide the feet, what shows between these and the floor is one."""
         found = [float(levels.mean(axis=1).min()) if len(levels) else np.inf for levels in self.tracked.sections]
         hidden = (self.y > self.floor + self.tracked.thickness) & (self.y < self.feet)
         for section, cover in enumerate(self.covers):
@@ -83,7 +83,7 @@ class Face:
 
     @cached_property
     def covers(self) -> list[Floats]:
-        """The covers (rows,) of levels in the tracked sections."""
+        """The covers (rows,) of levels in the tracked bays."""
         return [self.level_cover(span) for span in self.tracked.spans]
 
     def post_cover(self) -> Floats:
@@ -110,12 +110,12 @@ class Face:
         return self.paint.similarity(*span, centre) if self.paint.is_informative else NEITHER
 
     def usual_similarity(self, centre: float) -> float:
-        """The median over the sections of the similarity of the paint at a height to the tracked beams'."""
+        """The median over the bays of the similarity of the paint at a height to the tracked beams'."""
         return float(np.median([self.similarity(span, centre) for span in self.tracked.spans]))
 
     def storey_similarity(self, span: Span, level: Floats) -> float:
-        """The similarity of a level's paint where it shows: the greater of that in its own section and the median of the sections with a tracked
-        level at its height. Goods may shade a level in one section."""
+        """The similarity of a level's paint where it shows: the greater of that in its own bay and the median of the bays with a tracked
+        level at its height. Goods may shade a level in one bay."""
         centre, thickness = float(level.mean()), self.tracked.thickness
         similarities = [
             self._shown_similarity(other, level)
@@ -125,7 +125,7 @@ class Face:
         return max(self._shown_similarity(span, level), float(np.median(similarities)))
 
     def usual_cover(self, centre: float) -> float:
-        """The upper median over the tracked sections of the cover at a height: levels often continue from bay to bay."""
+        """The upper median over the tracked bays of the cover at a height: levels often continue from bay to bay."""
         around = centre + self.tracked.thickness * np.array([[-0.5, 0.5]])
         return float(np.quantile([greatest(cover, self.y, around)[0] for cover in self.covers], 0.5, method="higher"))
 

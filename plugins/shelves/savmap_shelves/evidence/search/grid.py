@@ -83,7 +83,7 @@ def _with_level(levels: Floats, level: Floats) -> Floats:
 
 
 def _wide_steps(sections: Sequence[Section], grid: Grid) -> Iterator[tuple[int, Floats, Floats, float]]:
-    """Steps between visible levels that are too wide: the section's number, the levels (2,) below and above, and the room that another level
+    """Steps between visible levels that are too wide: the bay's number, the levels (2,) below and above, and the room that another level
     needs beside them."""
     visible = [_visible(section, levels) for section, levels in zip(sections, grid.sections, strict=True)]
     for number, lower, usual in wide_steps([levels.mean(axis=1) for levels in visible]):
@@ -91,5 +91,5 @@ def _wide_steps(sections: Sequence[Section], grid: Grid) -> Iterator[tuple[int, 
 
 
 def _visible(section: Section, levels: Floats) -> Floats:
-    """Those levels (m, 2) of a section that have a cover of `VISIBLE` or more."""
+    """Those levels (m, 2) of a bay that have a cover of `VISIBLE` or more."""
     return np.asarray(levels[greatest(section.cover, section.face.y, levels) >= VISIBLE])

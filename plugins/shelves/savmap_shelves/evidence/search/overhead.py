@@ -31,7 +31,7 @@ POSTS_TOP = 0.75
 def overhead_levels(
     evidence: PlaneEvidence, grid: Grid, usual_level: float, usual_post: float, tracked: Grid | None = None
 ) -> list[Floats]:
-    """The levels y (n, 2) of each section that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
+    """The levels y (n, 2) of each bay that are no beams: they run overhead, or along the posts' tops. Below one of them there may be another one.
 
     usual_level, usual_post: the usual evidence of a level and of a post. tracked: a level of the grid that is not in this one was found in the evidence
     alone; all were tracked where it is not given. Where nothing would be left, the last ones stay.
@@ -56,7 +56,7 @@ def overhead_levels(
 
 
 def _unheld(evidence: PlaneEvidence, grid: Grid, usual_post: float) -> list[Bools]:
-    """Which level of each section is its highest, and reached by neither of its posts."""
+    """Which level of each bay is its highest, and reached by neither of its posts."""
 
     def is_unheld(posts: Sequence[Floats], level: Floats) -> bool:
         return max(_post_at(evidence, post, level, grid.thickness) for post in posts) < HELD * usual_post
@@ -80,7 +80,7 @@ def _is_seen(weight: Singles) -> bool:
 
 
 def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post_shown: float, known: Floats) -> Bools:
-    """Which levels (n,), section after section, go on beyond the row's ends, and either no post reaches beyond them, or they are their section's highest and
+    """Which levels (n,), bay after bay, go on beyond the row's ends, and either no post reaches beyond them, or they are their bay's highest and
     not `known`. A post shows where its own evidence is at least `post_shown`.
 
     None do where the row's ends do not tell: where neither is in sight, or where the beams below go on, too, for instance into a
@@ -97,7 +97,7 @@ def _along_the_row(evidence: PlaneEvidence, grid: Grid, usual_level: float, post
 
 
 def without_overhead(grid: Grid, overhead: Sequence[Floats]) -> Grid:
-    """The grid without levels (n, 2) of each section."""
+    """The grid without levels (n, 2) of each bay."""
     sections = [own[~np.isin(own[:, 0], others[:, 0])] for own, others in zip(grid.sections, overhead, strict=True)]
     return Grid(grid.posts, sections, grid.pieces)
 

@@ -1,7 +1,7 @@
 """Levels that show in pieces between goods, found by their colour profile from top to bottom.
 
 A network may miss a beam of which goods leave only a few short pieces visible. In the orthophoto, each column of such a piece has the profile of
-the section's next beams: the edge of the deck, the face, and the shadow beneath, in this order and these colours. Other objects do not have it
+the bay's next beams: the edge of the deck, the face, and the shadow beneath, in this order and these colours. Other objects do not have it
 at one height at several places.
 """
 

@@ -15,7 +15,7 @@ NEAREST = 0.4
 
 def expected_posts(face: Face) -> Floats:
     """x (k, 2) of a face's posts: tracked ones that are not lost, new ones between them, less certain ones in bays so wide that a post is missing, and one
-    more at either end if most levels of the outermost section continue to it."""
+    more at either end if most levels of the outermost bay continue to it."""
     cover = face.post_cover()
     return _with_ends(face, cover, _between(face, cover))
 
@@ -37,7 +37,7 @@ def _between(face: Face, cover: Floats) -> Floats:
 
 
 def _with_ends(face: Face, cover: Floats, posts: Floats) -> Floats:
-    """Posts, and one more at either end, if most levels of the outermost section continue to it."""
+    """Posts, and one more at either end, if most levels of the outermost bay continue to it."""
     for end, beyond in ((-1, face.x > posts[-1, 1]), (0, face.x < posts[0, 0])):
         bay, inner, levels = usual_bay(posts), float(posts[end].mean()), face.tracked.sections[end]
         for centre in _candidates(face, cover, beyond, face.settings.post):

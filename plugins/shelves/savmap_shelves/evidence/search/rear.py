@@ -23,7 +23,7 @@ POSSIBLE = (0.45, 0.7)
 
 
 class RearFace:
-    """The rear face, by the covers (rows,) of levels in each section and the levels (k, 2) tracked there. `share`: that of the heights, None where
+    """The rear face, by the covers (rows,) of levels in each bay and the levels (k, 2) tracked there. `share`: that of the heights, None where
     no rear face shows."""
 
     def __init__(
@@ -36,7 +36,7 @@ class RearFace:
         self.share = float(SHARES[best]) if self._is_face(*rear_levels[best]) else None
 
     def shows(self, levels: Floats, centre: float) -> bool:
-        """Whether the rear one of a section's levels appears at a height."""
+        """Whether the rear one of a bay's levels appears at a height."""
         if self.share is None or not len(levels):
             return False
         return bool(np.abs(self._places(levels, self.share) - centre).min() < self.size)
@@ -63,7 +63,7 @@ class RearFace:
         return places, cover
 
     def _is_face(self, places: Floats, cover: Floats) -> bool:
-        """Whether many of the heights have cover, in several storeys: a single storey also continues through all sections."""
+        """Whether many of the heights have cover, in several storeys: a single storey also continues through all bays."""
         shown = np.sort(places[cover > SHOWN])
         heights = 1 + int((np.diff(shown) > NEAR * self.size).sum()) if len(shown) else 0
         return heights >= LEAST_HEIGHTS and len(shown) > LEAST_SHARE * len(places)

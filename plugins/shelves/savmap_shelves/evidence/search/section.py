@@ -1,4 +1,4 @@
-"""The levels of a section: the rows between two posts are searched for them."""
+"""The levels of a bay: the rows between two posts are searched for them."""
 
 from collections.abc import Sequence
 
@@ -19,13 +19,13 @@ FAINT, SUNK = 0.52, 0.25
 THIN, TWO = 0.8, 1.6
 """What is thinner than that share of a beam looks farther away; what is as high as that many is two."""
 SIMILAR, SIMILAR_BELOW = 0.95, 0.85
-"""The similarity of paint that tells of a beam; below the posts' feet, over all sections."""
+"""The similarity of paint that tells of a beam; below the posts' feet, over all bays."""
 STRONG, WHOLE, SURE = 0.6, 0.9, 0.95
 """The share of the usual strength that is a strong one; the cover that is one along the whole length; the evidence that makes sure."""
 HALF = 0.5
-"""Lowest levels are where the sections have them of which so many do."""
+"""Lowest levels are where the bays have them of which so many do."""
 STEP_SHARE = 0.25
-"""A level is where the other sections have theirs within such a share of the step to the next one above."""
+"""A level is where the other bays have theirs within such a share of the step to the next one above."""
 FEW = 0.25
 """The network sees something of a stripe where its rows have so much cover."""
 UNEVEN = 0.4
@@ -33,7 +33,7 @@ UNEVEN = 0.4
 
 
 class Section:
-    """What is between two posts (2,) of a face. `cover` (rows,): that of levels. `beside` (m, 2): the levels of the tracked section in which its middle
+    """What is between two posts (2,) of a face. `cover` (rows,): that of levels. `beside` (m, 2): the levels of the tracked bay in which its middle
     lies, none beyond the ends; `tracked`: these if it has the same posts."""
 
     def __init__(self, face: Face, posts: tuple[Floats, Floats]) -> None:
@@ -47,8 +47,8 @@ class Section:
         self.tracked = self.beside if same else np.zeros((0, 2))
 
     def expected_levels(self) -> Floats:
-        """y (m, 2) of the section's beams: those tracked between the same posts that are not lost, and new ones. None in the gap between two racks
-        that stand end to end, and no new ones where something runs overhead in any section."""
+        """y (m, 2) of the bay's beams: those tracked between the same posts that are not lost, and new ones. None in the gap between two racks
+        that stand end to end, and no new ones where something runs overhead in any bay."""
         left, right = self.span
         if not len(self.tracked) and right - left < GAP * self.face.tracked.bay:
             return self.tracked
@@ -90,12 +90,12 @@ class Section:
         return self._cover_at(level) > WHOLE and self._strength(level) > SURE
 
     def _is_behind(self, level: Floats) -> bool:
-        """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its section appears."""
+        """Whether a level that was tracked is thin, as what is farther away looks, and at a height where the rear one of another level of its bay appears."""
         others = self.beside[np.abs(self.beside.mean(axis=1) - level.mean()) > self.thickness]
         return self._is_thin(level) and self.face.rear.shows(others, float(level.mean()))
 
     def _is_far(self, level: Floats) -> bool:
-        """Whether a level that was tracked is thin along the whole length, as a beam of another rack looks through an open section, and not where the lowest
+        """Whether a level that was tracked is thin along the whole length, as a beam of another rack looks through an open bay, and not where the lowest
         ones are: these stand in the shade."""
         room = ROOM * self.thickness
         lowest = np.abs(self._others_lowest() - level.mean()) < room
@@ -106,7 +106,7 @@ class Section:
         return bool(level[1] - level[0] < THIN * self.thickness)
 
     def _is_double(self, level: Floats, levels: Sequence[Floats]) -> bool:
-        """Whether a level that shows in part is so near to a stronger one of its section that one beam was taken for two: goods hid a part of it,
+        """Whether a level that shows in part is so near to a stronger one of its bay that one beam was taken for two: goods hid a part of it,
         and their edge was taken for the rest. Its middle tells: what adjoins a beam borrows the beam's evidence at its edge."""
         near = [other for other in levels if 0 < abs(other.mean() - level.mean()) < ROOM * self.thickness]
         if not near or self.cover[np.abs(self.face.y - level.mean()).argmin()] > WHOLE:
@@ -148,8 +148,8 @@ class Section:
         """Whether there is a level at a row where none was tracked: by its cover, its paint, and its height. `known`: y (2,) of those that were found so far.
 
         Below the posts' feet are goods and markings. But guards may hide feet: a stripe there that is as strong as the beams, and painted like
-        them in half of the sections, is a beam. One section alone does not decide, because goods and shade change its paint. So is one that is seen along
-        the whole length where the section lacks its lowest beam.
+        them in half of the bays, is a beam. One bay alone does not decide, because goods and shade change its paint. So is one that is seen along
+        the whole length where the bay lacks its lowest beam.
         """
         face, settings, half = self.face, self.settings, self.thickness / 2
         cover, centre = float(self.cover[row]), float(face.y[row])
@@ -170,18 +170,18 @@ class Section:
         return similarity >= SIMILAR and max(cover, face.usual_cover(centre)) >= settings.painted
 
     def _lacks_lowest(self, centre: float, known: Sequence[Floats]) -> bool:
-        """Whether a level would be the lowest of its section, where half of the other sections, and two at least, have theirs."""
+        """Whether a level would be the lowest of its bay, where half of the other bays, and two at least, have theirs."""
         steps = np.array([float(y.mean()) - centre for y in (*self.beside, *known)])
         return self._is_outermost(centre, steps, self._others_lowest())
 
     def _lacks_highest(self, centre: float, known: Sequence[Floats]) -> bool:
-        """Whether a level would be the highest of its section, where half of the other sections, and two at least, have theirs."""
+        """Whether a level would be the highest of its bay, where half of the other bays, and two at least, have theirs."""
         steps = np.array([centre - float(y.mean()) for y in (*self.beside, *known)])
         others = (y for number, y in enumerate(self.face.tracked.sections) if number != self.number and len(y))
         return self._is_outermost(centre, steps, np.array([y.mean(axis=1).max() for y in others]))
 
     def _is_outermost(self, centre: float, steps: Floats, others: Floats) -> bool:
-        """Whether a level whose steps (m,) to those of its section are all wide is as high as half of the other sections' (n,) are, and two at least."""
+        """Whether a level whose steps (m,) to those of its bay are all wide is as high as half of the other bays' (n,) are, and two at least."""
         if not len(self.beside):
             return False
         step, room = float(steps.min()), ROOM * self.thickness
@@ -189,7 +189,7 @@ class Section:
         return len(near) > 1 and step > room and bool(near.mean() >= HALF)
 
     def _others_lowest(self) -> Floats:
-        """y (n,) of the lowest level of each other section that has any."""
+        """y (n,) of the lowest level of each other bay that has any."""
         return np.array([y for number, y in enumerate(self.face.lowest) if number != self.number and np.isfinite(y)])
 
     def _edges(self, row: int) -> Floats:
@@ -209,7 +209,7 @@ class Section:
         return np.asarray(centre + least * both) if front is None else front
 
     def _before_the_rear(self, row: int) -> Floats | None:
-        """y (2,) of the level in a stripe around a row that is as high as two, where the other one is the rear beam of one of the section's levels; None where
+        """y (2,) of the level in a stripe around a row that is as high as two, where the other one is the rear beam of one of the bay's levels; None where
         neither is, or both are."""
         gaps = np.cumsum(self.cover < self.cover[row] / 2)
         around = self.face.y[(gaps == gaps[row]) & (self.cover >= self.cover[row] / 2)]

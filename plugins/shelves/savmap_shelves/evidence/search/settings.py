@@ -11,8 +11,8 @@ class EvidenceSettings:
     usual strength of the tracked ones, or by `faint`. A faint object along the whole length has full cover. A strong but shorter one has not.
 
     - `post`, `level`: least cover of a new post or level. `post_in_gap`: that of a post in a bay so wide that one is missing.
-    - `lacking`: that of a new level where its section lacks a lowest one where the others have theirs.
-    - `partly`: that of a new level as high as the others' highest ones, or in a step that is too wide; and of a stripe that tells where a section's lowest level
+    - `lacking`: that of a new level where its bay lacks a lowest one where the others have theirs.
+    - `partly`: that of a new level as high as the others' highest ones, or in a step that is too wide; and of a stripe that tells where a bay's lowest level
       is, below hidden feet. `between`: that in such a step where its colours do not tell of a level in pieces.
     - `lost`: a tracked post or level with less cover is dropped.
     - `faint`: the least strength that counts as usual, and the least that anything stands out by.
@@ -23,7 +23,7 @@ class EvidenceSettings:
     - `strange`: below this similarity there is no level.
     - `doubted`: below this one there is none, unless it has cover along the whole length, or cover times strength above `plain`. Where paint is
       not informative, a new level needs one of the two.
-    - `painted`: the cover, in its own section or in half of the sections, that suffices for a level with the paint of the beams. What has less than
+    - `painted`: the cover, in its own bay or in half of the bays, that suffices for a level with the paint of the beams. What has less than
       a quarter of it is not looked at.
 
     Nor does paint count where the network is sure of a tracked level along the whole length: the lowest beams stand in the shade.
