@@ -166,12 +166,12 @@ def _events(text: str) -> Iterable[Any]:
 
 def _require_spaced(text: str, error: yaml.MarkedYAMLError) -> None:
     """Raise a plainer error where a line that the parser stopped at, or the one before it, lacks the space behind a colon."""
-    last = error.problem_mark.line
+    last = error.problem_mark.line if error.problem_mark else -1
     first = error.context_mark.line if error.context_mark else last - 1
     for number, line in enumerate(text.split("\n")[: last + 1]):
         found = unspaced(line) if number >= first else None
         if found:
-            mark = yaml.Mark("", 0, number, 0, None, None)
+            mark = yaml.Mark("", 0, number, 0, None, 0)
             raise yaml.MarkedYAMLError(problem=space_needed(*found), problem_mark=mark) from error
 
 
