@@ -20,6 +20,8 @@ DRAWN = 0.03
 files that are written of it in the end. They are those of the rows of the demo's aisle, and count until a row of the run has been through a stage."""
 LEAST_STEPS, STEPS = 8, 40
 """Frames from which the time of a frame is told: at least, and at most the last so many."""
+KEPT = 5.0
+"""A frame that is only decoded takes a tenth of one that is measured."""
 TICK_S = 1.0
 Item = TypeVar("Item")
 
@@ -169,9 +171,15 @@ class RunClock:
                 row.done = 0
 
     def step(self, row: _Row, processor_s: float) -> None:
+        """A frame is done. Where it took much longer than those before it, these were kept from an earlier run, and tell nothing."""
         with self._lock:
             row.done += 1
-            row.ticks.append((time.monotonic(), processor_s))
+            ticks = row.ticks
+            if len(ticks) > 1:
+                usual_s = (ticks[-1][1] - ticks[0][1]) / (len(ticks) - 1)
+                if processor_s - ticks[-1][1] > KEPT * usual_s:
+                    ticks.clear()
+            ticks.append((time.monotonic(), processor_s))
 
     def walk_ends(self, row: _Row) -> None:
         """What follows is timed from here."""

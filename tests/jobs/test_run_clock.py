@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 
 import pytest
 
@@ -153,3 +154,13 @@ def test_a_run_of_two_rows_as_they_were_is_told_to_a_third(share: float, machine
     until(end - DRAWN_S)
     until(end)
     assert told[0] == pytest.approx((1 - share) * end, rel=1 / 3)
+
+
+def test_frames_that_were_kept_tell_nothing_of_the_others(machine: Machine) -> None:
+    clock = RunClock({"A": (100, 1)}, "A", SilentMonitor(), pictures=False)
+    steps = clock.task(("measured", ("A",)), lambda: machine.processor).each(range(100), "measuring", 100)
+    for number in islice(steps, 60):
+        machine.work(FRAME_S if number >= 50 else FRAME_S / 20)
+    left = clock.left_s(1)
+    shares = sum(run_clock.SHARES[stage] for stage in ("measured", "solved")) + run_clock.DRAWN
+    assert left == pytest.approx((40 + 100 * shares) * FRAME_S, rel=0.05)
