@@ -52,7 +52,7 @@ def test_banner_leads_to_the_row_that_must_be_checked(opened: Open) -> None:
     assert page.evaluate("document.activeElement.closest('#doubts') !== null")
     top = "document.getElementById('{0}').getBoundingClientRect().top"
     assert page.evaluate("document.body.scrollTop") == 0
-    assert page.evaluate(f"{top.format('doubted')} - {top.format('side')}") >= 0
+    assert page.evaluate(f"{top.format('doubted')} - {top.format('side')}") > -1
     assert page.inner_text("#doubts strong") == "A given length contradicts the map"
 
 
