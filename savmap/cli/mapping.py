@@ -68,7 +68,7 @@ def failures_told(source: Path, output: Path) -> Iterator[None]:
 
 
 def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
-    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the rest is said."""
+    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the details of doubts are."""
     verdicts = {row.name: row.verdict for row in site_map.rows.values() if row.verdict}
     for name, verdict in verdicts.items():
         yield f"row {name}: {verdict.grade}"
@@ -78,8 +78,8 @@ def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
                 yield f"    {doubt.action}"
         if verdict.notes:
             more = len(verdict.notes) - 1
-            yield f"  note: {verdict.notes[0]}{f' (and {more} more)' if more else ''}"
-    if any(verdict.doubts or len(verdict.notes) > 1 for verdict in verdicts.values()):
+            yield f"  note: {verdict.notes[0]}{f' (and {more} more in the report)' if more else ''}"
+    if any(verdict.doubts for verdict in verdicts.values()):
         yield f"details: {folder / 'report.html'}, {folder / MAP}, savmap view {folder}"
 
 
