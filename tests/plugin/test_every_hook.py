@@ -134,7 +134,7 @@ def ask_relate() -> dict[str, Any]:
 
 
 def ask_doubt() -> dict[str, Any]:
-    doubt = Doubt("shape", "thing 1 is 3 m high beside others of 1 m", ("thing 1",))
+    doubt = Doubt("shape", "it is unusually high", ("thing 1",))
     plugin, given = asked("doubt", [doubt])
     assert plugin.doubt([THING]) == [doubt]
     with pytest.raises(PluginFailedError, match="thing 2"):
