@@ -35,7 +35,7 @@ from savmap.types import RowMap
 from savmap.vision.networks.files import network_files
 from savmap.vision.networks.providers import choose, file_for, runtime_version
 
-LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "scipy")
+LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "pillow", "scipy")
 DRAWING_LIBRARIES = ("jinja2", "matplotlib", "resvg-py")
 SAVMAP = Path(__file__).parents[1]
 NO_MAP = {"sim", "train", "adapt", "label", "split", "report", "viewer", "demo", "cli", "contract.py", "scaffold"}
