@@ -5,6 +5,8 @@ const MOST_PX = 130;
 
 // `metrePx`: pixels of a metre; 0 where lengths differ over the view.
 export function drawScale(bar, metrePx) {
+  if (bar.dataset.drawn === String(metrePx)) return;
+  bar.dataset.drawn = String(metrePx);
   bar.hidden = !metrePx;
   if (!metrePx) return;
   const power = 10 ** Math.floor(Math.log10(MOST_PX / metrePx)),
