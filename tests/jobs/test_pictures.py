@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import SavmapError
+from savmap.files.journal import Parts
 from savmap.jobs import tasks
 from savmap.jobs.cache import FolderCache, NoCache, RowCache, StoredRecord
 from savmap.jobs.map_site import write_photo
@@ -47,7 +48,9 @@ class Work:
     photo: Orthophoto | None = PHOTO
     failure: SavmapError | None = None
 
-    def measure(self, job: Job, row: str, *_: object, with_strips: bool = False) -> TaskResult:
+    def measure(
+        self, job: Job, row: str, *_: object, with_strips: bool = False, frames: Parts | None = None
+    ) -> TaskResult:
         self.done.append("measured with strips" if with_strips else "measured")
         marks = MarkerTracks((), {})
         seen = RowMeasurements(RowFacts(row, TABLE, {}, {}), dict.fromkeys(job.plugins, ()), {}, frozenset(), (), marks)
