@@ -393,10 +393,6 @@ class SiteMap:
                     yield from _vertex_lines(row, plugin, structure, doubts)
 
 
-def _counted(rows: int) -> str:
-    return "1 row" if rows == 1 else f"{rows} rows"
-
-
 def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | None) -> list[str]:
     """For each vertex the axes along which nothing measured it: "", "y", "xy"."""
     assumed = structure.assumed(plugin, joint)
