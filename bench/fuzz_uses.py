@@ -190,7 +190,7 @@ def made_map() -> SiteMap:
         return Structure(name, label, corners + shift, spread, labels, ring, more)
 
     post = [thing(f"upright {n}", "upright", (2.7 * n, 0, 0)) for n in range(2)]
-    beam = thing("bay 1 / beam 1", "beam", (0.1, 0.3, 0), section=1, beam=1, height_m=Measured(0.3, 0.01))
+    beam = thing("bay 1 / beam 1", "beam", (0.1, 0.3, 0), bay=1, beam=1, height_m=Measured(0.3, 0.01))
     sign = thing("sign 1", "sign", (1, 1, 0), text="A21-03", kind="plate")
     path = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)), np.full((3, 3), 0.01))
     table, views = FrameTable(np.arange(4) / 15, ("pass 1",) * 4), {"face": ViewSpec("face", 90.0)}

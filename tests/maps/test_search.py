@@ -117,7 +117,7 @@ def numbered(name: str, label: str, x: float, **numbers: int) -> Structure:
 @pytest.fixture
 def hall() -> SiteMap:
     """Two rows of two bays, each with two bars."""
-    bars = tuple(numbered(f"bay {k} / bar {n}", "bar", 10.0 * k + n, section=k, bar=n) for k in (1, 2) for n in (1, 2))
+    bars = tuple(numbered(f"bay {k} / bar {n}", "bar", 10.0 * k + n, bay=k, bar=n) for k in (1, 2) for n in (1, 2))
     tags = (replace(plate(9, 21.0, {"text": "X", "bay": "bay 2"}), id="tag 9"),)
     path = Trajectory(np.zeros(0, int), np.zeros((0, 4, 4)))
     rows = {
@@ -128,8 +128,8 @@ def hall() -> SiteMap:
 
 
 def places() -> dict[str, dict[str, list[Structure]]]:
-    own = [numbered(f"bay {k}", "bay", 10.0 * k, section=k, bay=k) for k in (1, 2)]
-    own += [numbered(f"bay {k} / level {n}", "level", 0.0, section=k, bay=k, level=n) for k in (1, 2) for n in (0, 1)]
+    own = [numbered(f"bay {k}", "bay", 10.0 * k, bay=k) for k in (1, 2)]
+    own += [numbered(f"bay {k} / level {n}", "level", 0.0, bay=k, level=n) for k in (1, 2) for n in (0, 1)]
     return {"A": {"bars": own}, "B": {"bars": own}}
 
 

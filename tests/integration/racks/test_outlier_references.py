@@ -27,7 +27,7 @@ def blind(world: made.World, sections: set[int], camera: bool = True, length: bo
 
 
 @pytest.mark.parametrize(("camera", "length"), [(True, True), (True, False), (False, True)])
-@pytest.mark.parametrize("bay", [1, 3])
+@pytest.mark.parametrize("section", [1, 3])
 def test_a_missed_lowest_beam_is_told_and_does_no_harm(
     four: made.World, section: int, camera: bool, length: bool
 ) -> None:

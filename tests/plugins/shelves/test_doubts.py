@@ -157,7 +157,7 @@ def test_room_for_one_more_beam_below_the_others_highest_is_doubted(others: floa
     assert [doubt.structures for doubt in found] == ([("bay 2 / beam 4",)] if doubted else [])
 
 
-@pytest.mark.parametrize("bay", [0, 2, 4])
+@pytest.mark.parametrize("section", [0, 2, 4])
 def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(section: int) -> None:
     row = uneven_row()
     assert doubts_of(structures_of(row)) == []
@@ -172,7 +172,7 @@ def test_a_step_twice_as_high_as_the_others_of_its_section_may_hide_a_beam(secti
     assert not [doubt for doubt in doubts_of(structures_of(row)) if f"bay {section + 1} / beam 2" in doubt.structures]
 
 
-@pytest.mark.parametrize("bay", [0, 2, 4])
+@pytest.mark.parametrize("section", [0, 2, 4])
 def test_a_lowest_beam_that_something_hides_in_all_frames_is_missed(section: int) -> None:
     """A parked truck hid one, and the row was trusted: what was never measured has nothing to be doubted by."""
     row = uneven_row()

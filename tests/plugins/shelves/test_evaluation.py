@@ -105,7 +105,7 @@ def test_a_spurious_upright_splits_a_section(surveyed: Row) -> None:
     assert score.deviations["upright 3"] == float("inf")
 
 
-@pytest.mark.parametrize("bay", [1, 2, 3, 4])
+@pytest.mark.parametrize("section", [1, 2, 3, 4])
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_any_missing_beam_shifts_no_other(surveyed: Row, section: int, number: int) -> None:
     score = evaluate(without(structures_of(surveyed), f"bay {section} / beam {number}"), surveyed)

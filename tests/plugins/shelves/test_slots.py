@@ -134,7 +134,7 @@ def test_a_sign_is_found_with_the_slot_that_has_it(
     x, up, z = hit.slot.position_m
     np.testing.assert_allclose((x, -z, up), slot.centre, atol=1e-9)
     write_map(site, tmp_path / "map.json")
-    results.find(name="A21-03", map_file=tmp_path / "map.json")
+    results.find(name="A21-03", map_file=[tmp_path / "map.json"])
     assert f"level {slot.level}: x 1.900, y " in capsys.readouterr().out.splitlines()[1]
 
 

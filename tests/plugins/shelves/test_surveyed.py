@@ -175,7 +175,7 @@ def test_a_beam_beside_all_uprights_is_left_out() -> None:
     own = structures_of(surveyed_row())
     entry = survey_entry([one for one in own if one.id not in ("upright 1", "upright 2")])
     assert len(entry.values["uprights"]) == 3
-    assert set(entry.left_out) == {one.id for one in own if one.label == "beam" and one.id[8] in "12"}
+    assert set(entry.left_out) == {one.id for one in own if one.label == "beam" and one.id[4] in "12"}
 
 
 def test_a_survey_of_lamps_alone_scores_lamps_alone(site: SiteMap, tmp_path: Path) -> None:

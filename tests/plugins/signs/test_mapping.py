@@ -52,7 +52,7 @@ def test_a_size_far_off_is_not_used() -> None:
 
 def test_signs_at_the_face_get_the_section_they_hang_at() -> None:
     beams = [
-        structure(f"bay {n} / beam 1", np.array([[x, 1.0, 0.0], [x + 2.5, 1.0, 0.0]]), section=n)
+        structure(f"bay {n} / beam 1", np.array([[x, 1.0, 0.0], [x + 2.5, 1.0, 0.0]]), bay=n)
         for n, x in ((1, 0.1), (2, 2.7))
     ]
     places = {
