@@ -45,7 +45,7 @@ FACING = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
 HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M, WIDTH_SIGMA_M = 0.02, 0.002, 0.003, 0.001
 PROFILES = (
     ("upright 2 / left", "upright 2 / right"),
-    ("section 2 / beam 2 / lower", "section 2 / beam 2 / upper"),
+    ("bay 2 / beam 2 / lower", "bay 2 / beam 2 / upper"),
 )
 
 

@@ -161,7 +161,7 @@ class SurveyedPoint(Strict):
     """A labelled vertex whose coordinate along one axis is known."""
 
     vertex: str
-    """Its label, such as "section 1 / beam 1 / lower left"."""
+    """Its label, such as "bay 1 / beam 1 / lower left"."""
     axis: Literal["x", "y", "z"]
     """Along the aisle, upwards, or out of the face."""
     value: Metres

@@ -5,6 +5,7 @@ import os
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,7 +83,9 @@ def test_forged_measurements_are_not_used(forged: str) -> None:
 def test_a_forged_solved_file_is_done_again(tmp_path: Path) -> None:
     cache = FolderCache(tmp_path)
     cache.save("A", scheduler.SOLVED, "key", FORGED_MAPS["no path"])
-    progress = scheduler._Progress(None, cache, None, None, [("A",)], solution_keys={("A",): "key"})  # type: ignore[arg-type]
+    nothing: Any = None
+    keys = {("A",): "key"}
+    progress = scheduler._Progress(nothing, cache, nothing, nothing, [("A",)], nothing, solution_keys=keys)
     assert not progress._use_kept(("A",))
     assert progress.solved == {}
 

@@ -53,7 +53,7 @@ def test_the_runs_record_counts_skipped_frames(tmp_path: Path) -> None:
     path = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, path, {}, (), {SKIPPED: 3})
     nothing: Any = None
-    assert _Progress(job, nothing, nothing, nothing, ()).row_run("A", row).skipped == 3
+    assert _Progress(job, nothing, nothing, nothing, (), nothing).row_run("A", row).skipped == 3
 
 
 def test_warning_of_mapping_is_left_to_its_task(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_an_attribute_with_a_sigma_is_written_and_read() -> None:
     (read,) = map_of(text, "map").rows["A"].structures["made-up"]
     assert read.attributes == {"height_m": Measured(2.5, 0.01), "number": 3}
     assert float(read.attributes["height_m"]) == 2.5
-    assert "height 2.500 \u00b1 0.010 m" in _hint(read, None)
+    assert "height 2.500 \u00b1 0.010 m" in _hint(read, read.assumed("posts", None), None)
 
 
 def empty_path() -> Trajectory:
