@@ -310,15 +310,18 @@ def test_an_export_tells_what_the_file_does_not_show(
 @pytest.mark.parametrize(
     "command", [["find", "map.json", "post 1"], ["measure", "map.json", "post 1 / 0", "post 1 / 1"]]
 )
-def test_coordinates_name_their_frame(
+def test_figures_name_their_frame_and_rows_to_check(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_map(_one_row(), tmp_path / "map.json")
+    site = _one_row()
+    doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
+    write_map(replace(site, rows={"A": doubted}), tmp_path / "map.json")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["savmap", *command])
     with pytest.raises(SystemExit) as end:
         main()
-    *_, line = capsys.readouterr().out.splitlines()
+    *_, line, note = capsys.readouterr().out.splitlines()
+    assert note == "note: 1 of 1 row must be checked: A (`savmap view`, report.html)"
     assert (end.value.code, line.startswith("x, y, z are in the row's own frame (metres: x along it")) == (0, True), (
         line
     )

@@ -244,7 +244,8 @@ def number_of(structure: Structure, attribute: str) -> int:
     """A structure's number, such as its bay's. Raises OutputError where it has none."""
     number = structure.attributes.get(attribute)
     if not isinstance(number, int | np.integer):
-        raise OutputError(f"map: {structure.id}: attribute '{attribute}' should be a whole number, not {number!r}")
+        what = f"attribute '{attribute}' should be a whole number, not {number!r}"
+        raise OutputError(f"map: {structure.id}: {what}; a map of an earlier savmap is to be made again")
     return int(number)
 
 

@@ -1,7 +1,6 @@
 """Commands about maps that are made: scores, report, other formats, where a structure is."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -164,8 +163,7 @@ def export(
     say(f"wrote {output}")
     if frame := _frame_of(name, site_map):
         say(f"coordinates are in {frame}")
-    for note in _left_out_or_doubted(site_map, row):
-        say(f"note: {note}")
+    _say_banner(site_map if row is None else replace(site_map, failed={}))
 
 
 def _frame_of(name: str, site_map: "SiteMap") -> str:
@@ -183,11 +181,10 @@ def _frame_of(name: str, site_map: "SiteMap") -> str:
     return f"the world's frame (metres, {axes}){own}"
 
 
-def _left_out_or_doubted(site_map: "SiteMap", row: str | None) -> Iterator[str]:
-    """What a file that was written of a map does not show: the rows that it lacks, and those that are to be checked first."""
-    banner = (site_map if row is None else replace(site_map, failed={})).banner
-    if banner:
-        yield f"{banner} (`savmap view`, report.html)"
+def _say_banner(site_map: "SiteMap") -> None:
+    """What a file that was written of a map, or a figure of it, does not show: the rows that it lacks, and those that are to be checked first."""
+    if site_map.banner:
+        say(f"note: {site_map.banner} (`savmap view`, report.html)")
 
 
 def align(
@@ -233,6 +230,7 @@ def find(
     say(
         f"x, y, z are in {'each' if len(site_map.rows) > 1 else 'the'} {OF_ROW} unless another is named; +- is one standard deviation"
     )
+    _say_banner(site_map)
 
 
 def measure(
@@ -245,8 +243,10 @@ def measure(
     from savmap.jobs import api
     from savmap.maps.map_file import read_map
 
-    apart = api.measure(read_map(the_map(map_file, second)), first, second)
+    site_map = read_map(the_map(map_file, second))
+    apart = api.measure(site_map, first, second)
     say(apart)
     say(
         f"x, y, z are in {f'the {OF_ROW}' if apart.first.row == apart.second.row else OF_SITE}; +- is one standard deviation"
     )
+    _say_banner(site_map)

@@ -153,9 +153,10 @@ def reference_table(rows: Sequence[Summary]) -> Table:
 def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
     worst = max((abs(reference.deviation) for reference in row.references), default=None)
     mapped, nothing = row.row is not None, Cell(NOTHING)
+    state = "check" if row.doubts else row.status
     cells = (
         row_cell(row),
-        Cell(row.status, style=f"badge {row.status}"),
+        Cell(state, style=f"badge {state}"),
         *(count_cell(row.counts.get(label, 0)) if mapped else nothing for label in labels),
         number_cell(row.length_m, 2),
         count_cell(len(row.references)) if mapped else nothing,
