@@ -68,14 +68,14 @@ def test_csv_cells_are_neither_formulas_nor_lines(map_file: Path, tmp_path: Path
     assert not acts(text)
     lines = list(csv.reader(text.splitlines()))
     assert len(lines) == 7
-    assert {len(line) for line in lines} == {14}
-    assert lines[0][12:] == ["text", "doubts"]
+    assert {len(line) for line in lines} == {15}
+    assert lines[0][12:] == ["assumed", "text", "doubts"]
     assert not any(cell.lstrip()[:1] in "=+-@" for line in lines[1:] for cell in (*line[:6], *line[12:]) if cell)
     assert "'" + FORMULA in lines[3]
 
 
 def test_the_terminal_sees_text(map_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    find(f"0{EVIL}", map_file)
+    find([map_file], name=f"0{EVIL}")
     with Console(tmp_path / "log") as console:
         console.note(EVIL)
         list(console.each([1], EVIL + "[/bold]"))
@@ -84,7 +84,7 @@ def test_the_terminal_sees_text(map_file: Path, tmp_path: Path, capsys: pytest.C
     with pytest.raises(SystemExit), plain_endings():
         raise SiteError(EVIL)
     said = capsys.readouterr()
-    assert len(said.out.splitlines()) == 1
+    assert len(said.out.splitlines()) == 3
     assert "owned" in said.out
     assert not re.search(r"\x1b\]|\x1b\[2J|\x07|\x9b|\u202e", said.out + said.err)
     assert said.err.splitlines()[-1].startswith("savmap: \\x1b]0;owned")

@@ -48,9 +48,10 @@ def test_the_page_fits_its_window(page: Any) -> None:
 
 def test_tables_sort_and_are_filtered(page: Any) -> None:
     rows = page.locator("#references-table tbody tr")
-    page.locator("#references-table thead").get_by_role("button", name="given", exact=True).click()
+    given = page.locator("#references-table thead button").nth(2)
+    given.click()
     assert rows.first.locator("td").nth(1).inner_text() == "3.0000"
-    page.locator("#references-table thead").get_by_role("button", name="given", exact=True).click()
+    given.click()
     assert rows.first.locator("td").nth(1).inner_text() == "6.0000"
     assert page.locator("#references-table th[aria-sort=descending]").count() == 1
     page.locator(f"a[data-only='{EVIL}']").click()
