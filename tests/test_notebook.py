@@ -31,7 +31,7 @@ def test_notebook_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     client = NotebookClient(notebook, timeout=900, kernel_name="python3", resources={"metadata": {"path": tmp_path}})
     client.execute()
     assert pictures(notebook) == 1
-    assert printed(notebook).count("\nsection ") == 22
+    assert printed(notebook).count("\nbay ") == 22
     assert "missing {'upright': 0, 'beam': 0} spurious {'upright': 0, 'beam': 0}" in printed(notebook)
     assert (next(tmp_path.glob("*/demo")) / "report.html").is_file()
 
@@ -39,5 +39,5 @@ def test_notebook_runs_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_notebook_is_kept_with_small_outputs() -> None:
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     assert pictures(notebook) == 1
-    assert printed(notebook).count("\nsection ") == 22
+    assert printed(notebook).count("\nbay ") == 22
     assert NOTEBOOK.stat().st_size < 150_000
