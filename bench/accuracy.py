@@ -2,7 +2,7 @@
 
     python bench/accuracy.py [--rows 4] [--sections 4] [-o bench/results/accuracy.json]
 
-Rows with the masks' errors of `savmap.sim.observations.PAPER`. Each addition to the published method alone, then one upon the
+Rows with the masks' errors of `savmap.lab.sim.observations.PAPER`. Each addition to the published method alone, then one upon the
 other; beside the whole method's error stands the Cramer-Rao bound: the mean absolute error that marginal sigmas of the same
 graph allow for where noise is what it was said to be (variance inflation taken out), mean |N(0, s)| = 0.8 s.
 """
@@ -19,8 +19,8 @@ from uncertainty import figures
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, SolveOptions
+from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.report.evaluation import mean_absolute_error
-from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Track, pool
 from savmap_shelves.constraints import GridSettings, published
 

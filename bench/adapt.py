@@ -19,17 +19,17 @@ from fine_tuning import LABELLED, dark_row, dark_scene
 from rows import ROWS, only_one_row
 
 import savmap
-from savmap.adapt.records import AdaptOptions
-from savmap.adapt.run import adapt
 from savmap.cli.commands.training import adapted_lines
 from savmap.files.atomic import write_text
+from savmap.lab.adapt.records import AdaptOptions
+from savmap.lab.adapt.run import adapt
+from savmap.lab.sim.dataset import write
+from savmap.lab.sim.simulate import simulate
+from savmap.lab.train.data.dataset import read_dataset
+from savmap.lab.train.measure import score_file
+from savmap.lab.train.plan import float_model
 from savmap.plugin.manager import load_class
 from savmap.report.evaluation import as_json
-from savmap.sim.dataset import write
-from savmap.sim.simulate import simulate
-from savmap.train.data.dataset import read_dataset
-from savmap.train.measure import score_file
-from savmap.train.plan import float_model
 
 ROOT = Path(__file__).parent.parent
 PLUGIN = "shelves"

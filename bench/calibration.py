@@ -19,9 +19,9 @@ from observed_rows import Mapped, driven_row, given, mapped, tracked
 
 from savmap.files.atomic import write_text
 from savmap.graph import Calibration, Shutter, Stitching
+from savmap.lab.sim.drive.optics import Optics
+from savmap.lab.sim.observations import MaskErrors
 from savmap.report.evaluation import mean_absolute_error
-from savmap.sim.drive.optics import Optics
-from savmap.sim.observations import MaskErrors
 from savmap.types import Floats, pool
 
 ROOT = Path(__file__).parent.parent

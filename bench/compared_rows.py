@@ -15,8 +15,8 @@ import numpy as np
 from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
 
 from savmap.files.atomic import write_text
+from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.maps.map_file import read_map, write_map
-from savmap.sim.observations import PAPER, MaskErrors
 from savmap.types import Attribute, FrameTable, RowMap, SiteMap, Structure
 from savmap_shelves.constraints import GridSettings
 

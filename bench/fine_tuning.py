@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap.label.formats import LabelledPicture, write_set
-from savmap.label.polygons import outlines
-from savmap.sim.dataset import samples, write
-from savmap.sim.random_row import random_row
-from savmap.sim.random_scene import random_scene
-from savmap.sim.scene.files import Scene, parse_scene
+from savmap.lab.label.formats import LabelledPicture, write_set
+from savmap.lab.label.polygons import outlines
+from savmap.lab.sim.dataset import samples, write
+from savmap.lab.sim.random_row import random_row
+from savmap.lab.sim.random_scene import random_scene
+from savmap.lab.sim.scene.files import Scene, parse_scene
 
 LABELLED = ("upright", "beam")
 

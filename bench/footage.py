@@ -24,13 +24,13 @@ from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED, Problem, merge, solve
 from savmap.jobs.tasks import request_for
+from savmap.lab.sim.scene.files import load_scene
+from savmap.lab.sim.simulate import simulate
 from savmap.maps.survey import read_survey
 from savmap.pipeline.records import LocatedRow
 from savmap.pipeline.row import locate, measure, track_plugin
 from savmap.plugin.manager import open_plugin
 from savmap.report.evaluation import mean_absolute_error
-from savmap.sim.scene.files import load_scene
-from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.types import Score, Track
 from savmap_shelves.constraints import GridSettings, constrain, published

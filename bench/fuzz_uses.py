@@ -17,6 +17,8 @@ from savmap.errors import CONTROLS, SavmapError, SiteError, VideoError
 from savmap.files.atomic import read_text
 from savmap.jobs.api import import_survey
 from savmap.jobs.cache_keys import measurement_key
+from savmap.lab.sim.scene.files import load_scene, row_frame
+from savmap.lab.train.data.sets import read_set
 from savmap.maps.exports.plain import write_csv, write_ply
 from savmap.maps.map_file import map_of, map_text, read_map
 from savmap.maps.run_record import read_log
@@ -26,7 +28,6 @@ from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.evaluation import as_table
 from savmap.report.page import page_text
 from savmap.report.site_report import evaluation_of, plugins_of_map, report_for
-from savmap.sim.scene.files import load_scene, row_frame
 from savmap.site.job import job_for, video_content
 from savmap.site.layout import placements
 from savmap.site.load import draft_of, problems_in, read_draft, sound_part
@@ -34,7 +35,6 @@ from savmap.site.locations import SourceMap
 from savmap.site.overrides import overrides_of
 from savmap.site.preflight import footage, settings_problems, tells_scale
 from savmap.site.references import calibration_of, references_of
-from savmap.train.data.sets import read_set
 from savmap.types import FrameTable, Measured, Placement, ReferenceUse, RowMap, SiteMap, Structure, Trajectory, ViewSpec
 from savmap.vision.networks.segmenter import Segmenter
 

@@ -20,10 +20,10 @@ from onnx import TensorProto, helper, numpy_helper
 
 import savmap
 from savmap.errors import SavmapError
+from savmap.lab.train.data.dataset import IGNORE, read_dataset
 from savmap.plugin.manager import load_class
 from savmap.report.evaluation import mean_absolute_error
 from savmap.site.load import load_site
-from savmap.train.data.dataset import IGNORE, read_dataset
 from savmap.types import SiteMap, Structure, pool
 from savmap.vision.networks.segmenter import Segmenter
 

@@ -4,7 +4,7 @@
 
 Both methods get the same features, tracks and references: the camera's height (2 cm), the height of each section's lowest
 edge (2 mm), the row's length (3 mm), and the widths of one upright and one beam (1 mm), each off by its own sigma.
-The masks' errors are those of `savmap.sim.observations.PAPER`. Published: corners as points of one pixel, plain least squares
+The masks' errors are those of `savmap.lab.sim.observations.PAPER`. Published: corners as points of one pixel, plain least squares
 from the published start (`savmap.graph.PUBLISHED`, `savmap_shelves.constraints.published`).
 """
 
@@ -23,8 +23,8 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped, 
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.graph import PUBLISHED
+from savmap.lab.sim.observations import PAPER
 from savmap.report.evaluation import as_table, score_json
-from savmap.sim.observations import PAPER
 from savmap.types import Evaluation, Score, pool
 from savmap_shelves.constraints import GridSettings, published
 

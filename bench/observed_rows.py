@@ -21,21 +21,21 @@ from savmap.graph import (
     merge,
     solve,
 )
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.drive.optics import Optics
+from savmap.lab.sim.observations import MaskErrors
+from savmap.lab.sim.scene.build import Built, build
+from savmap.lab.sim.scene.files import parse_scene
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.records import RowRequest
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.drive.optics import Optics
-from savmap.sim.observations import MaskErrors
-from savmap.sim.scene.build import Built, build
-from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.bias import BiasSettings
+from savmap_shelves.lab.observed import observe, observed_features
 from savmap_shelves.mapping import describe
 from savmap_shelves.report.evaluation import evaluate
-from savmap_shelves.simulation.observed import observe, observed_features
 from savmap_shelves.tracking import track_structures
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)

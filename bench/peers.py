@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from savmap.files.atomic import write_text
 from savmap.jobs.map_site import map_job
 from savmap.jobs.scheduler import RunOptions
+from savmap.lab.sim.scene.files import load_scene
+from savmap.lab.sim.simulate import simulate
 from savmap.report.evaluation import score_json
-from savmap.sim.scene.files import load_scene
-from savmap.sim.simulate import simulate
 from savmap.site.job import job_for
 from savmap.site.model import Pass
 from savmap.types import RowMap

@@ -21,13 +21,13 @@ import yaml
 from photo_faces import PhotoRow, Picture
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.render.panorama import linear_bands
-from savmap.sim.render.shade import Renderer, compressed, developed, metered, renderer
-from savmap.sim.render.surfaces import Singles
-from savmap.sim.scene.build import Built, build
-from savmap.sim.scene.files import Scene, parse_scene
-from savmap.sim.simulate import poses, references, site_of
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.render.panorama import linear_bands
+from savmap.lab.sim.render.shade import Renderer, compressed, developed, metered, renderer
+from savmap.lab.sim.render.surfaces import Singles
+from savmap.lab.sim.scene.build import Built, build
+from savmap.lab.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.simulate import poses, references, site_of
 from savmap.types import Bools, Floats
 from savmap.types.scenes import Look, Material, RowSize, SceneParts, span
 

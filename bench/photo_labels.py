@@ -16,10 +16,10 @@ from pydantic import BaseModel, Field
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json
-from savmap.label.polygons import Polygon, filled
-from savmap.train.data.dataset import IGNORE
-from savmap.train.data.labelme import is_labelme
-from savmap.train.data.shapes import checked, polygon_of
+from savmap.lab.label.polygons import Polygon, filled
+from savmap.lab.train.data.dataset import IGNORE
+from savmap.lab.train.data.labelme import is_labelme
+from savmap.lab.train.data.shapes import checked, polygon_of
 
 Bytes = NDArray[np.uint8]
 CUT = {"upright"}

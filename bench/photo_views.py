@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.train.data.dataset import HEIGHT, WIDTH
+from savmap.lab.train.data.dataset import HEIGHT, WIDTH
 
 Bytes = NDArray[np.uint8]
 Maps = NDArray[np.float32]

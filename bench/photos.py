@@ -31,8 +31,8 @@ from photo_views import WAYS, Maps, Predict
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
+from savmap.lab.train.data.dataset import IGNORE
 from savmap.plugin.manager import load_class
-from savmap.train.data.dataset import IGNORE
 from savmap.types import Thresholds
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.regions import connected_regions, hysteresis

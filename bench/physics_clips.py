@@ -9,11 +9,11 @@ from physics_cases import ROW, Case, Content, Filmed
 from physics_videos import read, write
 from physics_ways import other_hand, without
 
-from savmap.sim.drive.cart import drive
-from savmap.sim.render.panorama import encode, frames
-from savmap.sim.render.shade import renderer
-from savmap.sim.scene.build import build
-from savmap.sim.scene.files import load_scene
+from savmap.lab.sim.drive.cart import drive
+from savmap.lab.sim.render.panorama import encode, frames
+from savmap.lab.sim.render.shade import renderer
+from savmap.lab.sim.scene.build import build
+from savmap.lab.sim.scene.files import load_scene
 
 ANYTHING = ("contradict", "bays were found", "no such thing", "part of the row", "the rest says", "height", "fit")
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.scene.files import Scene, parse_scene
 
 
 def lengthened(scene: Scene, times: int) -> Scene:

@@ -24,9 +24,9 @@ from row_scenes import greyed, interrupted, lengthened
 import savmap
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
+from savmap.lab.sim.random_row import random_row
+from savmap.lab.sim.simulate import simulate
 from savmap.report.evaluation import as_json
-from savmap.sim.random_row import random_row
-from savmap.sim.simulate import simulate
 
 ROOT = Path(__file__).parent.parent
 ROWS = ("first", "second")

@@ -19,14 +19,14 @@ import yaml
 
 import savmap
 from savmap.files.atomic import write_text
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.random_row import random_row
-from savmap.sim.render.raycast import Caster
-from savmap.sim.scene.build import build
-from savmap.sim.scene.files import Scene, parse_scene
-from savmap.sim.simulate import simulate
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.random_row import random_row
+from savmap.lab.sim.render.raycast import Caster
+from savmap.lab.sim.scene.build import build
+from savmap.lab.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.simulate import simulate
 from savmap.types import Floats, Structure
-from savmap_shelves.simulation.random_racks import starts
+from savmap_shelves.lab.random_racks import starts
 from savmap_signs.evaluation import SurveyedSign, match_signs, read_row, same_text
 
 LETTER_PX, FRAMES = 8.0, 3

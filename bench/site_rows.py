@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, DrivenRow, Mapped, given, mapped, rack
 
+from savmap.lab.sim.drive.cart import drive
+from savmap.lab.sim.observations import PAPER
+from savmap.lab.sim.scene.build import build
+from savmap.lab.sim.scene.files import parse_scene
 from savmap.pipeline.measure import RowMeasurements
-from savmap.sim.drive.cart import drive
-from savmap.sim.observations import PAPER
-from savmap.sim.scene.build import build
-from savmap.sim.scene.files import parse_scene
 from savmap.types import Floats, FrameTable, Placement, RowFacts, RowMap, Structure, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings
-from savmap_shelves.simulation.observed import observe, observed_features
+from savmap_shelves.lab.observed import observe, observed_features
 
 AISLE_M, PITCH_M = 3.0, 4.2
 UPRIGHT_M = 0.1

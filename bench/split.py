@@ -16,7 +16,7 @@ from typing import Any
 from split_scenes import weaving_scene
 
 from savmap.files.atomic import write_text
-from savmap.sim.simulate import simulate
+from savmap.lab.sim.simulate import simulate
 from savmap.split import DetectedPass, find
 
 LIMIT_S = 1.0

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.scene.files import Scene, parse_scene
 
 
 def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.0) -> Scene:

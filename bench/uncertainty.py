@@ -19,7 +19,7 @@ from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.graph import Solution
-from savmap.sim.observations import PAPER, MaskErrors
+from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings
 from savmap_shelves.constraints.track_grid import grid_of

@@ -24,13 +24,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.label.polygons import outlines
-from savmap.sim.dataset import write
-from savmap.sim.random_row import random_row
-from savmap.sim.random_scene import random_scene
-from savmap.sim.scene.files import Scene, parse_scene
-from savmap.sim.simulate import simulate
-from savmap.train.data.dataset import read_dataset, split
+from savmap.lab.label.polygons import outlines
+from savmap.lab.sim.dataset import write
+from savmap.lab.sim.random_row import random_row
+from savmap.lab.sim.random_scene import random_scene
+from savmap.lab.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.simulate import simulate
+from savmap.lab.train.data.dataset import read_dataset, split
 from savmap.vision.networks.segmenter import Segmenter
 
 CLASSES = ("upright", "beam")
@@ -102,7 +102,7 @@ def in_few_bits(trainer: Any) -> None:
     import torch
     from torch.utils._pytree import tree_map
 
-    from savmap.train.device import fast_arithmetic
+    from savmap.lab.train.device import fast_arithmetic
 
     plain = trainer.model.predict
 

@@ -4,8 +4,9 @@
     site_map = savmap.map_video("aisle.mp4", camera_height_m=3.05)
     site_map.to_dataframe()
 
-What is named here is public: it stays as it is within a major version. It is imported when it is first used, so that `import savmap`
-takes no time. docs/python-api.md shows it at work; plugin authors begin with `Plugin` and `hookimpl`, and docs/writing-plugins.md.
+What is named here is public: it stays as it is within a major version. It is imported when it is first used, so that
+`import savmap` takes no time. docs/python-api.md shows it at work; plugin authors begin with `Plugin` and `hookimpl`,
+and docs/writing-plugins.md.
 """
 
 import os
@@ -13,8 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
-"""onnxruntime 1.29 and later reports to its maker unless this is set before it is loaded. Here, for whatever opens a network imports something of
-savmap first: workers and plugins too; and processes that they start inherit it."""
+"""onnxruntime 1.29 and later reports to its maker unless this is set before it is loaded. Here, for whatever opens a
+network imports something of savmap first: workers and plugins too; and processes that they start inherit it."""
 
 if TYPE_CHECKING:
     from savmap.errors import SavmapError

@@ -1,4 +1,5 @@
-"""Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program with."""
+"""Expected errors: one plain line each that says what, where and what to do, and the exit code it ends the program
+with."""
 
 import re
 import sys
@@ -6,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
-"""Characters that show nothing but do something to what shows them: control characters, line ends, changes of direction, and halves
-of surrogate pairs, which cannot be written."""
+"""Characters that show nothing but do something to what shows them: control characters, line ends, changes of
+direction, and halves of surrogate pairs, which cannot be written."""
 
 
 def visible(text: str) -> str:

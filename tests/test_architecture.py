@@ -26,18 +26,15 @@ LAYERS = [
     "site",
     "assembly",
     "pipeline",
-    "sim",
     "split",
-    "label",
     "report",
-    "train",
     "jobs",
-    "adapt",
     "demo",
+    "lab",
     "cli",
 ]
 """Packages from the lowest to the highest: a package imports from itself and from lower ones."""
-PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "label", "split"}
+PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "split"}
 """Packages that plugins do not import from."""
 MOST_ENTRIES = 12
 LONGEST_FUNCTION = 60

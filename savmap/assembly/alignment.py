@@ -1,4 +1,5 @@
-"""Where the site stands in the user's world (`align:` of a site file), by places known in both; what contradicts is named."""
+"""Where the site stands in the user's world (`align:` of a site file), by places known in both; what contradicts is
+named."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -34,8 +35,9 @@ class Aligned:
 
 
 def aligned(site_map: SiteMap, known: KnownAlignment) -> Aligned:
-    """The site map where the user says that it stands. Raises SiteError with the place in the file for places that are not in the map, that
-    do not tell where the site stands, or that contradict one another so that it cannot be told which is wrong."""
+    """The site map where the user says that it stands. Raises SiteError with the place in the file for places that are
+    not in the map, that do not tell where the site stands, or that contradict one another so that it cannot be told
+    which is wrong."""
     section = known.section
     anchor = (section.anchor.latitude_deg, section.anchor.longitude_deg) if section.anchor else None
     if section.x_m is not None and section.y_m is not None and section.heading_deg is not None:
@@ -53,7 +55,8 @@ def aligned(site_map: SiteMap, known: KnownAlignment) -> Aligned:
 
 
 def alignment_lines(site_map: SiteMap) -> Iterator[str]:
-    """Lines of where the site stands in the user's world, and of what is left at each place. None where it is not aligned."""
+    """Lines of where the site stands in the user's world, and of what is left at each place. None where it is not
+    aligned."""
     alignment = site_map.alignment
     if alignment is None:
         return
@@ -76,7 +79,8 @@ def alignment_lines(site_map: SiteMap) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Judged:
-    """A fit with the equations that it rests on, the numbers of places left out, the scale, and what the user should know."""
+    """A fit with the equations that it rests on, the numbers of places left out, the scale, and what the user should
+    know."""
 
     used: PlaceEquations
     fit: RigidFit
@@ -205,8 +209,8 @@ def _contradiction(equations: PlaceEquations, fit: RigidFit) -> str:
 
 
 def _height(places: Sequence[KnownPlace], given: float, known: KnownAlignment) -> tuple[Floats, list[str]]:
-    """The floor's height in the user's world and what is left of each place's height (1 + n,), NaN where none was given; and a line where
-    heights contradict one another."""
+    """The floor's height in the user's world and what is left of each place's height (1 + n,), NaN where none was
+    given; and a line where heights contradict one another."""
     offsets = np.array([np.nan if p.height is None else p.height - p.place.position[2] for p in places])
     variances = np.array([place.sigma**2 + place.place.covariance[2, 2] for place in places])
     told = ~np.isnan(offsets)
@@ -246,8 +250,8 @@ def _residuals(equations: PlaceEquations, judged: _Judged, heights: Floats) -> I
 
 
 def _prediction(place: KnownPlace, fit: RigidFit) -> tuple[Floats, float, Floats]:
-    """Where a place is given less where a fit that does not rest on it has it (2,), m; that in standard deviations; and the covariance
-    (2, 2) of the place itself and of what was given."""
+    """Where a place is given less where a fit that does not rest on it has it (2,), m; that in standard deviations; and
+    the covariance (2, 2) of the place itself and of what was given."""
     cos, sin = np.cos(fit.heading_rad), np.sin(fit.heading_rad)
     turn = np.array([[cos, -sin], [sin, cos]])
     at = turn @ place.place.position[:2]

@@ -1,8 +1,8 @@
 """Rows in one frame of the site: a final solve over rows, whose poses are the variables.
 
-Rows stand where the site file says, as exactly as it says. Rows seen from one camera path have a relative pose by it. Landmarks that
-two rows mapped are matched where the rows' poses bring them together and no other reading fits nearly as well; the matches then
-constrain the rows in turn, and are left out again where they do not fit.
+Rows stand where the site file says, as exactly as it says. Rows seen from one camera path have a relative pose by it.
+Landmarks that two rows mapped are matched where the rows' poses bring them together and no other reading fits nearly as
+well; the matches then constrain the rows in turn, and are left out again where they do not fit.
 """
 
 from collections import Counter
@@ -34,7 +34,8 @@ Landmarks = Mapping[str, Sequence[CrossRowLandmark]]
 
 @dataclass(frozen=True)
 class Assembly:
-    """The site map with placements, matches and doubts about rows that do not fit one another, and notes for the user."""
+    """The site map with placements, matches and doubts about rows that do not fit one another, and notes for the
+    user."""
 
     site_map: SiteMap
     notes: tuple[str, ...] = ()
@@ -49,9 +50,10 @@ def assembled(
 ) -> Assembly:
     """The site map with its rows placed.
 
-    `priors`: placements from the site file. `recordings`: the recording that the times of a row's pass belong to. `find_landmarks`: asks a
-    plugin of one row. `square_deg`: how far rows may turn from a common grid of right angles, or None. A
-    row without a prior that has nothing in common with another row is not placed. Raises PluginError for a plugin that fails.
+    `priors`: placements from the site file. `recordings`: the recording that the times of a row's pass belong to.
+    `find_landmarks`: asks a plugin of one row. `square_deg`: how far rows may turn from a common grid of right angles,
+    or None. A row without a prior that has nothing in common with another row is not placed. Raises PluginError for a
+    plugin that fails.
     """
     rows = site_map.rows
     known = {name: _with_gauge_sigma(prior) for name, prior in priors.items() if name in rows}
@@ -110,7 +112,8 @@ def landmarks_of(row: RowMap, find_landmarks: FindLandmarks) -> dict[str, list[C
 
 @dataclass(frozen=True, eq=False)
 class Solver:
-    """What is known of the rows' poses without matches: where to start, anchors, overlaps and the grid of right angles."""
+    """What is known of the rows' poses without matches: where to start, anchors, overlaps and the grid of right
+    angles."""
 
     start: Mapping[str, Placement]
     anchors: Mapping[str, Placement]
@@ -118,7 +121,8 @@ class Solver:
     square_rad: float | None
 
     def solve(self, matches: Sequence[LandmarkMatch] = ()) -> SitePoses:
-        """Poses with these matches, but for those of rows on one camera path, whose relative pose is known better from it."""
+        """Poses with these matches, but for those of rows on one camera path, whose relative pose is known better from
+        it."""
         on_one_path = {(overlap.prior.a, overlap.prior.b) for overlap in self.overlaps}
         counts = Counter((match.rows, match.kind) for match in matches)
         points = [
@@ -152,7 +156,8 @@ class Solver:
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """Rows' poses, the matches that constrain them, those that were left out, and a note for each pair of rows that is ambiguous."""
+    """Rows' poses, the matches that constrain them, those that were left out, and a note for each pair of rows that is
+    ambiguous."""
 
     poses: SitePoses
     matches: Sequence[LandmarkMatch]

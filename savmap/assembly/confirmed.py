@@ -1,7 +1,7 @@
 """Doubts that a person looked at and found wrong: the row is as it was mapped, and they become notes.
 
-A doubt is named by its own line: headline, figure and action. So a line confirms what was looked at and nothing else: where the map has changed, and the words
-with it, the doubt is back.
+A doubt is named by its own line: headline, figure and action. So a line confirms what was looked at and nothing else:
+where the map has changed, and the words with it, the doubt is back.
 """
 
 import re
@@ -12,9 +12,11 @@ from savmap.types import Doubt, SiteMap, Verdict
 from savmap.types.verdicts import by_cause
 
 NEAR = 0.1
-"""Figures with decimals may differ by that share: mapping again, or elsewhere, changes the last digits. Whole numbers, which count or name things, may not."""
+"""Figures with decimals may differ by that share: mapping again, or elsewhere, changes the last digits. Whole numbers,
+which count or name things, may not."""
 KINDS = ("shape", "support")
-"""What a person can tell by looking: whether a structure is there, and is what it is taken for. Not whether it was measured well."""
+"""What a person can tell by looking: whether a structure is there, and is what it is taken for. Not whether it was
+measured well."""
 _FIGURE = re.compile(r"-?\d+\.\d+")
 
 
@@ -27,8 +29,8 @@ class Confirmed:
 
 
 def with_confirmed(site_map: SiteMap, lines: Mapping[str, Sequence[str]]) -> Confirmed:
-    """The map, where doubts of its rows that `lines` by row name are notes: those of `KINDS` that have structures or a place. The others of one cause
-    are one doubt, which a line of its own may settle."""
+    """The map, where doubts of its rows that `lines` by row name are notes: those of `KINDS` that have structures or a
+    place. The others of one cause are one doubt, which a line of its own may settle."""
     rows, unused = dict(site_map.rows), list[str]()
     for name, row in site_map.rows.items():
         if row.verdict is None:

@@ -1,7 +1,8 @@
-"""What speaks against rows once they stand in one frame: a given place that they do not fit, landmarks of two rows that do not fall on
-one another, and a drive that both saw and place differently.
+"""What speaks against rows once they stand in one frame: a given place that they do not fit, landmarks of two rows that
+do not fall on one another, and a drive that both saw and place differently.
 
-A row's own checks cannot see its neighbours. Where rows contradict one another nobody can say which is wrong: both are doubted.
+A row's own checks cannot see its neighbours. Where rows contradict one another nobody can say which is wrong: both are
+doubted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,8 @@ from savmap.types import CrossRowMatch, Doubt, Placement, RowMap, SiteMap, Verdi
 
 OFF_SIGMA = 4.0
 LEAST_OFF_M = 0.05
-"""Rows on one drive that are nearer than that are not doubted: its errors are common to the whole path, and their sigmas are rough."""
+"""Rows on one drive that are nearer than that are not doubted: its errors are common to the whole path, and their
+sigmas are rough."""
 
 Doubts = dict[str, list[Doubt]]
 """Doubts by row."""
@@ -49,7 +51,8 @@ def match_doubts(left_out: Sequence[LandmarkMatch], poses: SitePoses) -> Doubts:
 
 
 def drive_doubts(overlaps: Sequence[Overlap], records: Sequence[CrossRowMatch]) -> Doubts:
-    """A doubt in both rows for each common drive (with its record, in the same order) of which they say different things."""
+    """A doubt in both rows for each common drive (with its record, in the same order) of which they say different
+    things."""
     doubts: Doubts = {}
     for overlap, record in zip(overlaps, records, strict=True):
         off, sigmas = np.abs(record.residual_m), np.abs(record.residual_m) / record.sigma_m

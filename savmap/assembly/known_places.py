@@ -1,4 +1,5 @@
-"""Places of a map that the user knows in their own world, and the equations that they give for where the site stands there."""
+"""Places of a map that the user knows in their own world, and the equations that they give for where the site stands
+there."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -17,8 +18,8 @@ from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
 @dataclass(frozen=True, eq=False)
 @array_record
 class MappedPlace:
-    """A place of a row in the site's frame turned z up: position (3,) m, the covariance (3, 3) that the row's own map gives it, and its
-    derivatives (3, 3) by the row's x m, z m and heading in degrees."""
+    """A place of a row in the site's frame turned z up: position (3,) m, the covariance (3, 3) that the row's own map
+    gives it, and its derivatives (3, 3) by the row's x m, z m and heading in degrees."""
 
     row: str
     at: str
@@ -30,8 +31,9 @@ class MappedPlace:
 @dataclass(frozen=True, eq=False)
 @array_record
 class KnownPlace:
-    """A mapped place, and where it is in the user's world: at `world` (2,), or, if there is a `normal` (2,), on the line through it at right
-    angles to that. `height` is its z there, where it is known. Metres; `sigma` is that of each number. `location`: its key in the file."""
+    """A mapped place, and where it is in the user's world: at `world` (2,), or, if there is a `normal` (2,), on the
+    line through it at right angles to that. `height` is its z there, where it is known. Metres; `sigma` is that of each
+    number. `location`: its key in the file."""
 
     place: MappedPlace
     world: Floats
@@ -54,8 +56,8 @@ class KnownPlace:
 
 @dataclass(frozen=True)
 class KnownPlaces:
-    """Known places; `directed`: numbers of the first and the last place of each line that has several, in its order; `left_out`: what is
-    known of rows that were not mapped."""
+    """Known places; `directed`: numbers of the first and the last place of each line that has several, in its order;
+    `left_out`: what is known of rows that were not mapped."""
 
     places: Sequence[KnownPlace]
     directed: Sequence[tuple[int, int]]
@@ -63,7 +65,8 @@ class KnownPlaces:
 
 
 def known_places(site: SiteMap, known: KnownAlignment) -> KnownPlaces:
-    """The places that the section's points and lines name. Raises SiteError with file and line for one that is not in the map."""
+    """The places that the section's points and lines name. Raises SiteError with file and line for one that is not in
+    the map."""
     finder = _Finder(site, known)
     places: list[KnownPlace] = []
     directed: list[tuple[int, int]] = []
@@ -108,8 +111,9 @@ class _Finder:
 
 
 def place_at(site: SiteMap, row: RowMap, at: str) -> MappedPlace:
-    """The place of a row that is called so: a vertex by its label, the mean of those whose labels begin so, or of a structure's. Raises
-    SiteError where there is none, where there are several, or where the row has no place among others."""
+    """The place of a row that is called so: a vertex by its label, the mean of those whose labels begin so, or of a
+    structure's. Raises SiteError where there is none, where there are several, or where the row has no place among
+    others."""
     placement = site.placements.get(row.name)
     if placement is None and len(site.rows) > 1:
         raise SiteError(
@@ -127,8 +131,8 @@ def place_at(site: SiteMap, row: RowMap, at: str) -> MappedPlace:
 
 
 def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
-    """The structure and the numbers of its vertices that are meant: by the whole label first, then by the structure, then by how labels
-    begin."""
+    """The structure and the numbers of its vertices that are meant: by the whole label first, then by the structure,
+    then by how labels begin."""
     parts = [part for group in row.structures.values() for part in group]
     for named in (_labelled, _whole, _beginning):
         found = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]

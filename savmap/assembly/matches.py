@@ -46,8 +46,8 @@ class LandmarkMatch:
         return both + LEAST_SIGMA_M**2 * np.eye(3)
 
     def constraint(self, count: int = 1) -> PointMatch:
-        """The match on the floor, one of `count`. Errors of landmarks of one kind in one row have a part in common, of variance
-        `COMMON`: however many there are, their mean is no better known than that."""
+        """The match on the floor, one of `count`. Errors of landmarks of one kind in one row have a part in common, of
+        variance `COMMON`: however many there are, their mean is no better known than that."""
         floor = [axis for axis in self.axes if axis != AXES["y"]]
         covariance = self.covariance[np.ix_(floor, floor)] * (1 + (count - 1) * COMMON)
         return PointMatch(self.a, self.b, self.in_a.place, self.in_b.place, np.eye(3)[floor], covariance)

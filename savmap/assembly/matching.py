@@ -1,8 +1,10 @@
-"""Which landmarks of one row are which of another: by their places, and only where no other reading fits nearly as well.
+"""Which landmarks of one row are which of another: by their places, and only where no other reading fits nearly as
+well.
 
-A line of landmarks that look alike fits nearly as well when it slips by one. Each shift that brings a landmark onto another is
-therefore scored by its likelihood. The best one is accepted if it is much likelier (`LEAST`, nats) than that the rows have nothing in
-common, and than any that pairs a landmark otherwise (`MARGIN`): a line that slips by one loses one pair, 4.5 nats, which is too little.
+A line of landmarks that look alike fits nearly as well when it slips by one. Each shift that brings a landmark onto
+another is therefore scored by its likelihood. The best one is accepted if it is much likelier (`LEAST`, nats) than that
+the rows have nothing in common, and than any that pairs a landmark otherwise (`MARGIN`): a line that slips by one loses
+one pair, 4.5 nats, which is too little.
 """
 
 from collections.abc import Sequence
@@ -35,8 +37,9 @@ class Matching:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Differences:
-    """In a's frame, along the k axes that all landmarks measure: b's places less a's (n, m, k) m with the rows as they stand, their
-    covariance (n, m, k, k) by landmarks and heading, and the covariance (k, k) of the shift of one row against the other."""
+    """In a's frame, along the k axes that all landmarks measure: b's places less a's (n, m, k) m with the rows as they
+    stand, their covariance (n, m, k, k) by landmarks and heading, and the covariance (k, k) of the shift of one row
+    against the other."""
 
     between: Floats
     covariance: Floats

@@ -1,4 +1,5 @@
-"""Rows that were seen from one camera path: the same frames have a pose in either row's frame, which gives their relative pose."""
+"""Rows that were seen from one camera path: the same frames have a pose in either row's frame, which gives their
+relative pose."""
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ Recordings = Mapping[str, Mapping[str, Hashable]]
 @dataclass(frozen=True, eq=False)
 @array_record
 class Overlap:
-    """Two rows' common path: b's frame in a's, the number of frames, their mean position (3,) m in either row's frame, and the standard
-    deviation (3,) m of the difference between the two along a's axes."""
+    """Two rows' common path: b's frame in a's, the number of frames, their mean position (3,) m in either row's frame,
+    and the standard deviation (3,) m of the difference between the two along a's axes."""
 
     prior: RelativePosePrior
     count: int
@@ -38,14 +39,16 @@ class Overlap:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Path:
-    """A row's poses (n, 4, 4) in one recording, with times (n,) s in order and standard deviations (n, 3) m of places."""
+    """A row's poses (n, 4, 4) in one recording, with times (n,) s in order and standard deviations (n, 3) m of
+    places."""
 
     stamps_s: Floats
     poses: Floats
     sigma_m: Floats
 
     def at(self, stamps_s: Floats) -> "tuple[Bools, Path]":
-        """Which of the times (m,) lie between located frames no further apart than `LONGEST_GAP_S`, as a mask, and the path there."""
+        """Which of the times (m,) lie between located frames no further apart than `LONGEST_GAP_S`, as a mask, and the
+        path there."""
         after = np.clip(np.searchsorted(self.stamps_s, stamps_s - SAME_S), 0, len(self.stamps_s) - 1)
         before = np.maximum(after - 1, 0)
         exact = np.abs(self.stamps_s[after] - stamps_s) <= SAME_S
@@ -57,7 +60,8 @@ class Path:
 
 
 def overlaps(rows: Mapping[str, RowMap], recordings: Recordings) -> Iterator[Overlap]:
-    """Every two rows with poses of the same frames; recordings[row][pass] is the recording that a pass's times belong to."""
+    """Every two rows with poses of the same frames; recordings[row][pass] is the recording that a pass's times belong
+    to."""
     paths = {name: paths_of(row, recordings.get(name, {})) for name, row in rows.items()}
     for a, b in combinations(paths, 2):
         pairs = [_common(path, paths[b][video]) for video, path in paths[a].items() if video in paths[b]]
@@ -83,9 +87,9 @@ def paths_of(row: RowMap, recordings: Mapping[str, Hashable]) -> dict[Hashable, 
 def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
     """b's frame in a's from poses of the same frames, whose positions on the floor and headings agree.
 
-    A row's errors are common to its whole path (where its face is, how long it is). Many frames therefore measure a shift no better
-    than one does, and a turn no better than the two ends of the path. If the paths differ by more than their standard deviations
-    allow, the covariance is enlarged.
+    A row's errors are common to its whole path (where its face is, how long it is). Many frames therefore measure a
+    shift no better than one does, and a turn no better than the two ends of the path. If the paths differ by more than
+    their standard deviations allow, the covariance is enlarged.
     """
     places_a, places_b = of_a.poses[:, :3, 3], of_b.poses[:, :3, 3]
     spread = np.sqrt(of_a.sigma_m**2 + of_b.sigma_m**2)

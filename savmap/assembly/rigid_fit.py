@@ -1,8 +1,10 @@
-"""Where the site stands in the user's world by least squares: the turn and the shift that bring places of the map to where they are known.
+"""Where the site stands in the user's world by least squares: the turn and the shift that bring places of the map to
+where they are known.
 
-Unknown are the heading and the shift (x, y); the map's scale stays. The residual of a place is A (R p + t - w): p its position in the map (2,), w
-where it is known, and A the directions along which it is known: both, or across a line. Its covariance is the user's, that of the place in its
-row, and that of the row in the site, which the places of one row have in common.
+Unknown are the heading and the shift (x, y); the map's scale stays. The residual of a place is A (R p + t - w): p its
+position in the map (2,), w where it is known, and A the directions along which it is known: both, or across a line. Its
+covariance is the user's, that of the place in its row, and that of the row in the site, which the places of one row
+have in common.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +24,8 @@ CONVERGED = 1e-9
 """Radians and metres."""
 SAME_DEG = 0.5
 LIKELY = 9.0
-"""By how much the sum of squares of another heading may exceed the least one for it to be likely, too: three standard deviations."""
+"""By how much the sum of squares of another heading may exceed the least one for it to be likely, too: three standard
+deviations."""
 WEAKEST = 1e-12
 VAGUE_SCALE = 0.05
 """Standard deviation of a scale that is not worth telling."""
@@ -33,8 +36,9 @@ FLAT = 1e-6
 @dataclass(frozen=True, eq=False)
 @array_record
 class RigidFit:
-    """A turn and a shift with what is left: `covariance` (3, 3) of heading in radians, x m, y m; `residuals` (m,) m of the places' equations in
-    turn, map less given, with their covariance (m, m) before the fit and derivatives (m, 3)."""
+    """A turn and a shift with what is left: `covariance` (3, 3) of heading in radians, x m, y m; `residuals` (m,) m of
+    the places' equations in turn, map less given, with their covariance (m, m) before the fit and derivatives (m,
+    3)."""
 
     heading_rad: float
     shift: Floats
@@ -65,8 +69,8 @@ class RigidFit:
 
 @dataclass(frozen=True, eq=False)
 class PlaceEquations:
-    """Equations of places; `placements`: covariances (3, 3) of rows in the site by name; `directed`: pairs of places that the given lines
-    run past in this order."""
+    """Equations of places; `placements`: covariances (3, 3) of rows in the site by name; `directed`: pairs of places
+    that the given lines run past in this order."""
 
     places: Sequence[KnownPlace]
     placements: Mapping[str, Floats]
@@ -111,7 +115,8 @@ class PlaceEquations:
         return [fit for fit in fits if fit.squares < fits[0].squares + LIKELY]
 
     def _rough_headings(self) -> list[float]:
-        """Headings that least squares may come to: that of points, in closed form; where there are lines, those that are come to from all sides."""
+        """Headings that least squares may come to: that of points, in closed form; where there are lines, those that
+        are come to from all sides."""
         if all(place.normal is None for place in self.places):
             weights = 1 / np.array(
                 [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places]
@@ -160,7 +165,8 @@ class PlaceEquations:
         return whole
 
     def spread(self, fit: RigidFit) -> tuple[float, float]:
-        """Standard deviations of the heading, radians, and of where the places' middle stands, m, along the worst direction."""
+        """Standard deviations of the heading, radians, and of where the places' middle stands, m, along the worst
+        direction."""
         middle = self.points.mean(axis=0)
         at_middle = np.eye(3)
         at_middle[1:, 0] = _turned_by(fit.heading_rad) @ middle
@@ -174,7 +180,8 @@ class PlaceEquations:
         )
 
     def _descended(self, heading_rad: float, noise: Floats) -> RigidFit | None:
-        """The fit that least squares come to from a heading, with this covariance of the residuals; None where they come to none."""
+        """The fit that least squares come to from a heading, with this covariance of the residuals; None where they
+        come to none."""
         shift = self.world.mean(axis=0) - _turn(heading_rad) @ self.points.mean(axis=0)
         for _ in range(STEPS):
             step = self._step(self._at(heading_rad, shift, noise))

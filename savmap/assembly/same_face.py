@@ -1,4 +1,5 @@
-"""Rows that look at one face: at the same part of a video, to the same side. One was copied from the other and not put right."""
+"""Rows that look at one face: at the same part of a video, to the same side. One was copied from the other and not put
+right."""
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations

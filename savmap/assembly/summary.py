@@ -8,8 +8,8 @@ from savmap.types import CrossRowMatch, Floats, SiteMap
 
 
 def site_lines(site: SiteMap) -> Iterator[str]:
-    """Lines of rows' placements, then of the matches of every two rows by kind: how many, and how far their two places are apart, cm.
-    None where no row is placed."""
+    """Lines of rows' placements, then of the matches of every two rows by kind: how many, and how far their two places
+    are apart, cm. None where no row is placed."""
     if not site.placements:
         return
     wide = 2 * max(map(len, site.placements)) + 4

@@ -28,8 +28,8 @@ EVERY_S, REDRAWN_S = 30.0, 0.1
 
 
 class LogFile(logging.FileHandler):
-    """A new log file in place of an old one. One that cannot be written any more, because the disk is full, falls silent: results
-    matter more.
+    """A new log file in place of an old one. One that cannot be written any more, because the disk is full, falls
+    silent: results matter more.
 
     Raises OutputError where it cannot be opened.
     """
@@ -67,7 +67,8 @@ class EchoMonitor(SilentMonitor):
 
 @dataclass(eq=False)
 class _Work:
-    """Work under way: how much of it is done, since when, when that was said last, and its bar where there is a terminal."""
+    """Work under way: how much of it is done, since when, when that was said last, and its bar where there is a
+    terminal."""
 
     doing: str
     total: int | None
@@ -85,9 +86,11 @@ class _Work:
 
 
 class Console:
-    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the end.
+    """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the
+    end.
 
-    Of work within work, and of rows that are mapped at the same time, all bars are shown. How long a run will take stands with the outermost.
+    Of work within work, and of rows that are mapped at the same time, all bars are shown. How long a run will take
+    stands with the outermost.
     """
 
     def __init__(self, log_file: Path) -> None:

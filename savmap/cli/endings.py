@@ -26,7 +26,8 @@ _terminated = threading.Event()
 
 @contextmanager
 def plain_endings() -> Iterator[None]:
-    """End the program with one line where what is done in it ends with an expected error; all others keep their traceback."""
+    """End the program with one line where what is done in it ends with an expected error; all others keep their
+    traceback."""
     try:
         _settle_terminal()
         _settle_environment()
@@ -51,14 +52,15 @@ def plain_endings() -> Iterator[None]:
 
 
 def _settle_terminal() -> None:
-    """Let characters that the terminal's encoding lacks stand as escapes on standard output too, as they do on standard error."""
+    """Let characters that the terminal's encoding lacks stand as escapes on standard output too, as they do on standard
+    error."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _settle_environment() -> None:
-    """Take an empty SOURCE_DATE_EPOCH for one that is not set, and let libraries find nothing where a user has no home: they would end with
-    errors of their own. Raises SiteError for a SOURCE_DATE_EPOCH that is no number."""
+    """Take an empty SOURCE_DATE_EPOCH for one that is not set, and let libraries find nothing where a user has no home:
+    they would end with errors of their own. Raises SiteError for a SOURCE_DATE_EPOCH that is no number."""
     try:
         Path.home()
     except RuntimeError:
@@ -82,7 +84,8 @@ def _no_room(error: OSError) -> NoReturn:
 
 @contextmanager
 def _terminated_as_interrupted() -> Iterator[None]:
-    """While this lasts, let a SIGTERM end what is done as ctrl-C does, so that nothing half done is left; a second one ends the program at once."""
+    """While this lasts, let a SIGTERM end what is done as ctrl-C does, so that nothing half done is left; a second one
+    ends the program at once."""
     _terminated.clear()
     if (
         signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL

@@ -25,8 +25,9 @@ from savmap.types import SiteMap
 
 
 def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluster: str | None = None) -> None:
-    """Map a job into its folder. Progress goes to standard error and `savmap.log`; the files that were written, the scores and the rows'
-    places to standard output. Raises SavmapError; what could be mapped is written before. An interrupt says what is kept, and how to go on."""
+    """Map a job into its folder. Progress goes to standard error and `savmap.log`; the files that were written, the
+    scores and the rows' places to standard output. Raises SavmapError; what could be mapped is written before. An
+    interrupt says what is kept, and how to go on."""
     require_ready(job)
     prepare(job.output, written_files(job))
     with locked(job.output), going_on_told(job.output), Console(job.output / "savmap.log") as console:
@@ -43,7 +44,8 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
 
 @contextmanager
 def going_on_told(output: Path) -> Iterator[None]:
-    """Say, where what is done meanwhile is interrupted, what an output folder keeps and which command goes on from there."""
+    """Say, where what is done meanwhile is interrupted, what an output folder keeps and which command goes on from
+    there."""
     try:
         yield
     except KeyboardInterrupt as interrupt:
@@ -54,7 +56,8 @@ def going_on_told(output: Path) -> Iterator[None]:
 
 @contextmanager
 def failures_told(source: Path, output: Path) -> Iterator[None]:
-    """Let the output folder's run.json tell where a run of a source fails, and say whose map is left there. A source that is not there was no run."""
+    """Let the output folder's run.json tell where a run of a source fails, and say whose map is left there. A source
+    that is not there was no run."""
     if is_url(output) or not (is_url(source) or os.path.exists(source)):
         yield
         return
@@ -68,7 +71,8 @@ def failures_told(source: Path, output: Path) -> Iterator[None]:
 
 
 def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
-    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the details of doubts are."""
+    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the details of doubts
+    are."""
     verdicts = {row.name: row.verdict for row in site_map.rows.values() if row.verdict}
     for name, verdict in verdicts.items():
         yield f"row {name}: {verdict.grade}"

@@ -1,4 +1,5 @@
-"""What the command line prints: text of any origin, of which no character but a line's end does anything to the terminal."""
+"""What the command line prints: text of any origin, of which no character but a line's end does anything to the
+terminal."""
 
 import typer
 

@@ -24,10 +24,11 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to a new file of the same folder (made where missing), then put it in place of `path`; a link there is replaced.
+    """Write `content` to a new file of the same folder (made where missing), then put it in place of `path`; a link
+    there is replaced.
 
-    A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path` is then
-    unchanged.
+    A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path`
+    is then unchanged.
     """
     if is_url(path):
         return _put(path, content)
@@ -42,8 +43,8 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def opened_anew(path: Path) -> TextIOWrapper:
-    """A new, empty text file in place of `path`, open for writing: a link is replaced, a device is written to. Raises OSError, and
-    OutputError as `opened_folder` does."""
+    """A new, empty text file in place of `path`, open for writing: a link is replaced, a device is written to. Raises
+    OSError, and OutputError as `opened_folder` does."""
     if path.is_char_device() and not path.is_symlink():
         return path.open("w", encoding="utf-8")
     with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
@@ -111,8 +112,8 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place meets, in words. Of what is
-    not there, with what is called alike."""
+    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place
+    meets, in words. Of what is not there, with what is called alike."""
     text = FOLDER_IS_FILE if error.errno == errno.EEXIST else (error.strerror or str(error)).lower()
     named = (
         error.filename if isinstance(error, FileNotFoundError) and isinstance(error.filename, str | os.PathLike) else ""

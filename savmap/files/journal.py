@@ -1,4 +1,5 @@
-"""Records of long work, kept in parts while it goes on: work that was cut off, even by a power failure, goes on where it stood."""
+"""Records of long work, kept in parts while it goes on: work that was cut off, even by a power failure, goes on where
+it stood."""
 
 import json
 import logging
@@ -43,8 +44,9 @@ class _Part:
 
 
 class Journal(Generic[Record]):
-    """Records by the walk that they are of and their number in it. Those of an earlier run are there from the start; new ones are kept
-    every `KEEP_S` seconds and, however the block ends that it is entered for, at its end. Without `parts` nothing is.
+    """Records by the walk that they are of and their number in it. Those of an earlier run are there from the start;
+    new ones are kept every `KEEP_S` seconds and, however the block ends that it is entered for, at its end. Without
+    `parts` nothing is.
 
     Part 0 says how many records there are of each walk, so that this is known without reading them.
     """
@@ -81,7 +83,8 @@ class Journal(Generic[Record]):
                 self.flush()
 
     def flush(self) -> None:
-        """Keep all records that wait. Where that cannot be done, no more are taken: what is worked out is worth more."""
+        """Keep all records that wait. Where that cannot be done, no more are taken: what is worked out is worth
+        more."""
         if self._parts is None or not self._new:
             return
         walks, numbers = zip(*self._new, strict=True)
@@ -97,7 +100,8 @@ class Journal(Generic[Record]):
         self._written_s = time.monotonic()
 
     def _load(self, parts: Parts, kind: type[Record]) -> None:
-        """Take what fits, up to the first part that does not, and forget what is behind that: it would never be asked for."""
+        """Take what fits, up to the first part that does not, and forget what is behind that: it would never be asked
+        for."""
         while (content := parts.load(self._next)) is not None:
             try:
                 part = unpacked(content, _Part)

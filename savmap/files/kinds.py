@@ -1,4 +1,5 @@
-"""What a file that savmap writes is, by the `format` that it names: for errors where one is given in place of another."""
+"""What a file that savmap writes is, by the `format` that it names: for errors where one is given in place of
+another."""
 
 import re
 from pathlib import Path

@@ -1,5 +1,5 @@
-"""What pydantic finds wrong with a value, in a user's words: at the value's own key, and of the kinds of value that may stand there the
-one that was meant."""
+"""What pydantic finds wrong with a value, in a user's words: at the value's own key, and of the kinds of value that may
+stand there the one that was meant."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -64,8 +64,8 @@ def words(problem: "ErrorDetails", model: type[BaseModel]) -> str:
 
 
 def meant(problems: Iterable["ErrorDetails"], model: type[BaseModel]) -> Iterator[Found]:
-    """The problems with the locations of their keys. Where a value may be of several kinds, pydantic tells why it is none of them: only
-    what the kind lacks is kept that the value is nearest to."""
+    """The problems with the locations of their keys. Where a value may be of several kinds, pydantic tells why it is
+    none of them: only what the kind lacks is kept that the value is nearest to."""
     kinds: dict[Location, dict[str, list[Found]]] = {}
     for number, problem in enumerate(problems):
         location, at, kind = _own(problem["loc"], model)
@@ -89,7 +89,8 @@ def allows_section(annotations: Iterable[Any]) -> bool:
 
 
 def misread(model: type[BaseModel], content: object) -> Iterator[tuple[Location, str]]:
-    """Words in a YAML content that stand where a number is expected, and are another one in YAML 1.1 than they look like: 015, 1:30, 1_000."""
+    """Words in a YAML content that stand where a number is expected, and are another one in YAML 1.1 than they look
+    like: 015, 1:30, 1_000."""
     yield from _misread(content, (), [model])
 
 
@@ -122,7 +123,8 @@ def location_of(problem: "ErrorDetails", model: type[BaseModel]) -> Location:
 
 
 def _own(location: Location, model: type[BaseModel]) -> tuple[Location, Location, str | None]:
-    """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the name."""
+    """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the
+    name."""
     own: Location = ()
     named: tuple[Location, str | None] = ((), None)
     found: list[Any] = [model]
@@ -141,8 +143,8 @@ def _own(location: Location, model: type[BaseModel]) -> tuple[Location, Location
 
 
 def _distance(found: list[Found]) -> tuple[int, bool, int]:
-    """How far a value is from a kind with these problems: those that lie deeper in it, or are not of kind, are nearer; so are lists that
-    may be longer."""
+    """How far a value is from a kind with these problems: those that lie deeper in it, or are not of kind, are nearer;
+    so are lists that may be longer."""
     deepest = max(len(location) for location, _ in found)
     other = all(OTHER_KIND.fullmatch(problem["type"]) for _, problem in found)
     longest = max(int(problem.get("ctx", {}).get("max_length", 0)) for _, problem in found)

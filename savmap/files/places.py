@@ -1,7 +1,8 @@
-"""Places where files are written: new files under names that nobody can foresee, and no way out of an output folder by a link.
+"""Places where files are written: new files under names that nobody can foresee, and no way out of an output folder by
+a link.
 
-A folder that is guarded keeps what is written below it inside: a folder in it that is a link is refused, and a file in it that is a
-link is replaced, never followed. The folder itself may be one: the user named it.
+A folder that is guarded keeps what is written below it inside: a folder in it that is a link is refused, and a file in
+it that is a link is replaced, never followed. The folder itself may be one: the user named it.
 """
 
 import errno
@@ -39,8 +40,8 @@ def require_plain(path: Path) -> None:
 
 @contextmanager
 def opened_folder(folder: Path) -> Iterator[int]:
-    """A folder, made where missing, as a descriptor while this lasts. Raises OSError, and OutputError for a link below a guarded
-    folder."""
+    """A folder, made where missing, as a descriptor while this lasts. Raises OSError, and OutputError for a link below
+    a guarded folder."""
     whole = Path(os.path.abspath(folder))
     root = next((place for place in (*reversed(whole.parents), whole) if place in _guarded), whole)
     root.mkdir(parents=True, exist_ok=True)
@@ -56,8 +57,8 @@ def opened_folder(folder: Path) -> Iterator[int]:
 
 
 def require_free(files: Iterable[Path], root: Path) -> None:
-    """Raise OutputError where one of the files could not be written below a folder: what stands there, or on the way, is of another kind, a link,
-    or may not be written to. Nothing is made."""
+    """Raise OutputError where one of the files could not be written below a folder: what stands there, or on the way,
+    is of another kind, a link, or may not be written to. Nothing is made."""
     folders: set[Path] = set()
     for path in files:
         if path.is_dir() and not path.is_symlink():
@@ -77,7 +78,8 @@ def require_free(files: Iterable[Path], root: Path) -> None:
 
 @contextmanager
 def new_file(place: int) -> Iterator[tuple[str, int]]:
-    """The name and the descriptor of a new file in a folder; the file is gone afterwards unless it was given another name."""
+    """The name and the descriptor of a new file in a folder; the file is gone afterwards unless it was given another
+    name."""
     name = f"{PREFIX}{secrets.token_hex(4)}"
     descriptor = os.open(name, NEW, 0o666, dir_fd=place)
     try:

@@ -1,7 +1,8 @@
-"""Records as bytes and back, exactly: dataclasses of savmap with mappings and arrays. Reading never runs code from the bytes.
+"""Records as bytes and back, exactly: dataclasses of savmap with mappings and arrays. Reading never runs code from the
+bytes.
 
-The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' item bytes. Sequences of
-records of one kind, of which there may be many thousands, stand field by field.
+The bytes are compressed: a JSON tree, in which arrays stand by type, shape and place, then the arrays' item bytes.
+Sequences of records of one kind, of which there may be many thousands, stand field by field.
 """
 
 import dataclasses
@@ -25,8 +26,8 @@ PLAIN = {type(None), bool, int, float, str}
 
 
 def packed(record: object, level: int = LEVEL) -> bytes:
-    """A record as bytes. TypeError for what is neither a dataclass of savmap, a mapping, a sequence, an array, bytes, nor plain. `level`: of
-    zlib's compression, from 0, none, to 9."""
+    """A record as bytes. TypeError for what is neither a dataclass of savmap, a mapping, a sequence, an array, bytes,
+    nor plain. `level`: of zlib's compression, from 0, none, to 9."""
     arrays = bytearray()
     tree = json.dumps(_tree(record, arrays), separators=(",", ":")).encode()
     return zlib.compress(len(tree).to_bytes(HEAD, "little") + tree + arrays, level)

@@ -1,4 +1,5 @@
-"""Text from files that anybody may have written: read within bounds of size, depth and number, and put on one line to be shown."""
+"""Text from files that anybody may have written: read within bounds of size, depth and number, and put on one line to
+be shown."""
 
 import json
 import math
@@ -28,7 +29,8 @@ SPECIAL = "is a device or a pipe, not a file"
 
 
 def bounded_bytes(path: Path, most_mb: float = MOST_MB) -> bytes:
-    """What a regular file or a URL holds. Raises OSError, and ValueError for what is no file (nothing is waited for), or too large."""
+    """What a regular file or a URL holds. Raises OSError, and ValueError for what is no file (nothing is waited for),
+    or too large."""
     most = int(most_mb * MB)
     if is_url(path):
         with path.open("rb") as remote:
@@ -46,8 +48,8 @@ def bounded_bytes(path: Path, most_mb: float = MOST_MB) -> bytes:
 
 
 def is_text(head: bytes) -> bool:
-    """Whether the first bytes of a file are those of a text, in whatever encoding: no control characters but those of lines, or the mark
-    of UTF-16."""
+    """Whether the first bytes of a file are those of a text, in whatever encoding: no control characters but those of
+    lines, or the mark of UTF-16."""
     return head.startswith(UTF_16) or not BINARY.search(head)
 
 
@@ -61,8 +63,8 @@ def bounded_text(path: Path, most_mb: float = MOST_MB) -> str:
 
 
 def json_of(text: str) -> object:
-    """What a JSON text holds. Raises ValueError for too many values, numbers that are not finite, halves of surrogate pairs, and all
-    that JSON does not allow."""
+    """What a JSON text holds. Raises ValueError for too many values, numbers that are not finite, halves of surrogate
+    pairs, and all that JSON does not allow."""
     values = sum(map(text.count, ",[{"))
     if values > MOST_VALUES:
         raise ValueError(f"it holds {values} values; at most {MOST_VALUES} are read")

@@ -16,8 +16,8 @@ LOCAL = "file://"
 
 
 def where(text: str | Path) -> Path:
-    """The path of a text, at the beginning of which ~/ is the user's folder. Raises SiteError for an empty one, a URL of an unknown kind, or
-    where the extra `cluster` is missing; TypeError for what is no path."""
+    """The path of a text, at the beginning of which ~/ is the user's folder. Raises SiteError for an empty one, a URL
+    of an unknown kind, or where the extra `cluster` is missing; TypeError for what is no path."""
     if not isinstance(text, str | PurePath) and not hasattr(text, "protocol"):
         raise TypeError(f"a path is expected, as a text or a Path, not {type(text).__name__}")
     if isinstance(text, str) and not text.strip():
@@ -48,19 +48,21 @@ def _local(text: str) -> Path:
 
 
 def on_disk(path: Path) -> Path:
-    """The path as the disk has it: a name that is not there is taken for one that differs in nothing but its Unicode normal form, as names from
-    Macs do (u with a diaeresis, in one character or two)."""
+    """The path as the disk has it: a name that is not there is taken for one that differs in nothing but its Unicode
+    normal form, as names from Macs do (u with a diaeresis, in one character or two)."""
     return path if is_url(path) else _alike(path, partial(normalize, "NFC")) or path
 
 
 def likely(path: Path) -> str:
-    """A hint at what a path that is not there may mean, such as "; there is Aisle.MP4"; empty where nothing is called alike."""
+    """A hint at what a path that is not there may mean, such as "; there is Aisle.MP4"; empty where nothing is called
+    alike."""
     found = None if is_url(path) else _alike(path, lambda name: normalize("NFC", name).casefold())
     return f"; there is {found}" if found and found != path else ""
 
 
 def _alike(path: Path, key: Callable[[str], str]) -> Path | None:
-    """What is there under a path, each part of which is the only one in its folder with the same key; None where there is nothing."""
+    """What is there under a path, each part of which is the only one in its folder with the same key; None where there
+    is nothing."""
     found = Path(path.anchor)
     for part in path.parts[bool(path.anchor) :]:
         try:

@@ -26,7 +26,8 @@ def _with_text_keys(value: object) -> object:
 
 
 ClassNames = Annotated[Mapping[str, str], BeforeValidator(_with_text_keys)]
-"""A plugin's setting `class_names`: the plugin's names for its network's classes, which are given by name or by number from 0."""
+"""A plugin's setting `class_names`: the plugin's names for its network's classes, which are given by name or by number
+from 0."""
 
 
 def checked(model: type[Model], content: object, where: str) -> Model:
@@ -65,8 +66,8 @@ def explained(
 ) -> dict[Location, str]:
     """A line for each problem of a validation error, by its location in the file, unknown keys first.
 
-    `at` gives a model key's location in the file. `place_of` gives the text for a location; its second argument is whether the
-    problem concerns the whole section there.
+    `at` gives a model key's location in the file. `place_of` gives the text for a location; its second argument is
+    whether the problem concerns the whole section there.
     """
     problems = sorted(error.errors(), key=lambda problem: problem["type"] not in UNKNOWN)
     first: dict[Location, ErrorDetails] = {}

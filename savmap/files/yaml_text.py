@@ -14,7 +14,8 @@ from savmap.files.texts import SURROGATES
 MOST_MB = 2.0
 MOST_DEPTH = 50
 PARSERS_DEPTH = "maximum nesting depth"
-"""What newer versions of libyaml say of a text that is nested too deeply for itself; it reads ahead of the events, and says so before their bound is passed."""
+"""What newer versions of libyaml say of a text that is nested too deeply for itself; it reads ahead of the events, and
+says so before their bound is passed."""
 COLONS = ("could not find expected ':'", "mapping values are not allowed in this context")
 """What libyaml says of keys whose colon no space follows: of them and of the next line."""
 MOST_VALUES = 100_000
@@ -41,7 +42,8 @@ class BoundError(yaml.MarkedYAMLError):
 
 
 class AsWritten(str):
-    """A word that YAML 1.1 takes for a number that few people mean: 015 for 13, 1:30 for 90, 1_000, 0x1F. As text it is what was written."""
+    """A word that YAML 1.1 takes for a number that few people mean: 015 for 13, 1:30 for 90, 1_000, 0x1F. As text it is
+    what was written."""
 
     __slots__ = ()
 
@@ -53,7 +55,8 @@ class AsWritten(str):
 
 
 def unspaced(text: str) -> tuple[str, str] | None:
-    """The key and the value of a line or text such as `side:right`, which is one word in YAML; None where it is nothing of the kind."""
+    """The key and the value of a line or text such as `side:right`, which is one word in YAML; None where it is nothing
+    of the kind."""
     found = UNSPACED.match(text)
     return (found["key"], (found["value"] or found["wide"] or "").strip()) if found else None
 
@@ -64,7 +67,8 @@ def space_needed(key: str, value: str) -> str:
 
 
 class _Loader(_Events):  # type: ignore[misc]
-    """A safe loader without dates, that tells where a value cannot be made, and leaves keys as they are written: an aisle may be called 010 or no."""
+    """A safe loader without dates, that tells where a value cannot be made, and leaves keys as they are written: an
+    aisle may be called 010 or no."""
 
     yaml_implicit_resolvers: ClassVar = {
         first: [(tag, pattern) for tag, pattern in resolvers if tag != TIMESTAMP]
@@ -110,7 +114,8 @@ def _is_plain_number(text: str) -> bool:
 
 
 def compose(text: str) -> yaml.Node | None:
-    """The nodes of a YAML text. Raises YAMLError with one line as its `problem`, and, where it is known, a `problem_mark`."""
+    """The nodes of a YAML text. Raises YAMLError with one line as its `problem`, and, where it is known, a
+    `problem_mark`."""
     require_bounded(text)
     return yaml.compose(text, Loader=_Loader)
 
@@ -165,7 +170,8 @@ def _events(text: str) -> Iterable[Any]:
 
 
 def _require_spaced(text: str, error: yaml.MarkedYAMLError) -> None:
-    """Raise a plainer error where a line that the parser stopped at, or the one before it, lacks the space behind a colon."""
+    """Raise a plainer error where a line that the parser stopped at, or the one before it, lacks the space behind a
+    colon."""
     last = error.problem_mark.line if error.problem_mark else -1
     first = error.context_mark.line if error.context_mark else last - 1
     for number, line in enumerate(text.split("\n")[: last + 1]):

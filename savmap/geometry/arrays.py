@@ -19,8 +19,8 @@ SHORTEST_COLLECTION = 4
 def array_record(kind: type[Record]) -> type[Record]:
     """Decorator below `@dataclass(frozen=True, eq=False)`: the record's arrays are read-only, and its `repr` is short.
 
-    A record holds read-only views: the caller's own arrays keep their flags, and nothing is copied. `==` compares identity,
-    because arrays have no single truth value.
+    A record holds read-only views: the caller's own arrays keep their flags, and nothing is copied. `==` compares
+    identity, because arrays have no single truth value.
     """
     check: Callable[[Any], None] | None = getattr(kind, "__post_init__", None)
 

@@ -1,7 +1,7 @@
 """Straight lines through many points at once: least squares, robust, with honest variances.
 
-A line here is v = offset + slope (u - centre). `u` runs along the structure (columns if it is level, rows if it is upright), `v`
-across it. All functions work on many lines together: `group` is the number of a point's line.
+A line here is v = offset + slope (u - centre). `u` runs along the structure (columns if it is level, rows if it is
+upright), `v` across it. All functions work on many lines together: `group` is the number of a point's line.
 """
 
 from dataclasses import dataclass
@@ -65,7 +65,8 @@ class Lines:
 
 
 def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float) -> Lines:
-    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points; nan for a group without points.
+    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points; nan for a group
+    without points.
 
     `about` are slopes (g,) to be expected and how far from them to look.
 

@@ -1,7 +1,7 @@
 """Rectilinear views: rotation from angles, intrinsics, projection.
 
-View frame: x right, y down, z along the optical axis. Pixel centres are at integer coordinates, so the principal point of
-a (height, width) view is ((width - 1) / 2, (height - 1) / 2).
+View frame: x right, y down, z along the optical axis. Pixel centres are at integer coordinates, so the principal point
+of a (height, width) view is ((width - 1) / 2, (height - 1) / 2).
 """
 
 import numpy as np
@@ -20,7 +20,8 @@ def rig_from_view(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:
 
 
 def angles_from_rotation(rotation: Floats) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in degrees: the inverse of `rig_from_view`. At pitch +-90 the roll is 0, and the yaw includes it."""
+    """Yaw, pitch and roll in degrees: the inverse of `rig_from_view`. At pitch +-90 the roll is 0, and the yaw includes
+    it."""
     forward = rotation[:, 2]
     pitch = np.arcsin(np.clip(-forward[1], -1, 1))
     if np.hypot(forward[0], forward[2]) < 1e-9:

@@ -1,4 +1,5 @@
-"""Poses between known ones: rotations interpolated on the sphere (slerp), positions linearly; held before the first and after the last."""
+"""Poses between known ones: rotations interpolated on the sphere (slerp), positions linearly; held before the first and
+after the last."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -7,7 +8,8 @@ from savmap.geometry.arrays import Floats, Ints
 
 
 def poses_at(wanted: Floats | Ints, known: Floats | Ints, poses: Floats) -> Floats:
-    """Transforms (m, 4, 4) at times or frame numbers `wanted` (m,) from `poses` (n, 4, 4) at those `known` (n,), in order, n >= 1."""
+    """Transforms (m, 4, 4) at times or frame numbers `wanted` (m,) from `poses` (n, 4, 4) at those `known` (n,), in
+    order, n >= 1."""
     filled = np.tile(np.eye(4), (len(wanted), 1, 1))
     if len(wanted):
         filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
@@ -16,7 +18,8 @@ def poses_at(wanted: Floats | Ints, known: Floats | Ints, poses: Floats) -> Floa
 
 
 def rotations_at(wanted: Floats | Ints, known: Floats | Ints, rotations: Floats) -> Floats:
-    """Rotations (m, 3, 3) at times or frame numbers `wanted` (m,) from `rotations` (n, 3, 3) at those `known` (n,), in order, n >= 1."""
+    """Rotations (m, 3, 3) at times or frame numbers `wanted` (m,) from `rotations` (n, 3, 3) at those `known` (n,), in
+    order, n >= 1."""
     if len(known) == 1:
         return np.repeat(rotations, len(wanted), axis=0)
     path = Slerp(known, Rotation.from_matrix(rotations))
@@ -25,5 +28,6 @@ def rotations_at(wanted: Floats | Ints, known: Floats | Ints, rotations: Floats)
 
 
 def columns_at(wanted: Floats | Ints, known: Floats | Ints, values: Floats) -> Floats:
-    """Values (m, k), interpolated linearly, at times or frame numbers `wanted` (m,) from `values` (n, k) at those `known` (n,)."""
+    """Values (m, k), interpolated linearly, at times or frame numbers `wanted` (m,) from `values` (n, k) at those
+    `known` (n,)."""
     return np.stack([np.interp(wanted, known, column) for column in values.T], axis=1)

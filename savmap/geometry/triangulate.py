@@ -6,7 +6,8 @@ from savmap.geometry.arrays import Floats
 
 
 def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Floats:
-    """The point (3,) nearest to rays (n, 3) + s (n, 3), re-weighted by 1 / (distance + 5 cm) so that outliers count little.
+    """The point (3,) nearest to rays (n, 3) + s (n, 3), re-weighted by 1 / (distance + 5 cm) so that outliers count
+    little.
 
     Raises ValueError when the rays are parallel.
     """
@@ -25,8 +26,8 @@ def nearest_point(origins: Floats, directions: Floats, rounds: int = 5) -> Float
 
 
 def nearest_points(origins: Floats, directions: Floats) -> Floats:
-    """The points (n, 3) nearest to k rays each: from origins (k, 3) along unit directions (n, k, 3). Along parallel rays:
-    anywhere."""
+    """The points (n, 3) nearest to k rays each: from origins (k, 3) along unit directions (n, k, 3). Along parallel
+    rays: anywhere."""
     across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
     right = np.einsum("nkij,kj->ni", across, origins)
     points: Floats = np.linalg.solve(across.sum(axis=1) + 1e-9 * np.eye(3), right[..., None])[..., 0]
@@ -34,8 +35,8 @@ def nearest_points(origins: Floats, directions: Floats) -> Floats:
 
 
 def midway(origin: Floats, ray: Floats, other_origin: Floats, other_ray: Floats) -> Floats:
-    """The points (..., 3) midway between two lines where they are nearest to one another; the rays are unit vectors and not
-    parallel."""
+    """The points (..., 3) midway between two lines where they are nearest to one another; the rays are unit vectors and
+    not parallel."""
     apart = origin - other_origin
     turn = (ray * other_ray).sum(axis=-1, keepdims=True)
     along, other_along = (ray * apart).sum(axis=-1, keepdims=True), (other_ray * apart).sum(axis=-1, keepdims=True)

@@ -1,7 +1,8 @@
-"""What a plugin gives to the solve: landmarks, measured pixels, and relations between coordinates (paper, section III.E).
+"""What a plugin gives to the solve: landmarks, measured pixels, and relations between coordinates (paper, section
+III.E).
 
-The paper's constraints are `BetweenFactor`s and `PriorFactor`s that bind one axis. A `Relation` says the same, so that the
-linear start and the checks of the references can read it too; `factors.problem_factors` makes the factor of it.
+The paper's constraints are `BetweenFactor`s and `PriorFactor`s that bind one axis. A `Relation` says the same, so that
+the linear start and the checks of the references can read it too; `factors.problem_factors` makes the factor of it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,14 +22,15 @@ Pair = tuple[Axis, int, int]
 
 @dataclass(frozen=True)
 class Relation:
-    """Coordinate `axis` of landmark b minus that of landmark a (a alone, if b is None) is `value` +- `sigma` m; without an
-    axis, the straight distance from a to b is.
+    """Coordinate `axis` of landmark b minus that of landmark a (a alone, if b is None) is `value` +- `sigma` m; without
+    an axis, the straight distance from a to b is.
 
-    A relation with a `name` is a figure that the user gave: it may fix scale and place, and is reported. One without a name
-    is structure: a grid line, the face plane. `note_if_outlier` is for a named relation whose landmark may have been taken
-    for another: where all other references refute it, it is left out and the user gets this line. `may_be_missing`: that is no
-    reason to doubt the map, for the user did not say that this very landmark exists. `presumed` is for a named relation that the plugin
-    takes for granted and nobody measured: what to tell the user where more is found than its value. It is the first to be left out then.
+    A relation with a `name` is a figure that the user gave: it may fix scale and place, and is reported. One without a
+    name is structure: a grid line, the face plane. `note_if_outlier` is for a named relation whose landmark may have
+    been taken for another: where all other references refute it, it is left out and the user gets this line.
+    `may_be_missing`: that is no reason to doubt the map, for the user did not say that this very landmark exists.
+    `presumed` is for a named relation that the plugin takes for granted and nobody measured: what to tell the user
+    where more is found than its value. It is the first to be left out then.
     """
 
     axis: Axis | None
@@ -83,15 +85,15 @@ class Constraints:
 
     `keys`: landmark keys by name; `initial`: first position (3,) m of each, row frame; `measurements`: their pixels.
     `coordinates`: more names that the user's references may use, such as that of an edge, as (axis, key).
-    `alternatives`: sets of relations by a description of what was found in the video. Exactly one set holds: the solve takes
-    the one that agrees best with the measurements, if it does so clearly.
-    `factors`: the plugin's GTSAM factors. They may bind the plugin's keys and `frame_key`s only; for other plugins' landmarks
-    there are the `relate` hook and the references. Factors of frames that are not solved for are left out.
-    `variables`: variables that no pixel measures but these factors bind, with their first values by key: a `gtsam.Pose2` at
-    a `KeySpace.pose2` key, three numbers at a `KeySpace.vector3` key.
-    `alike`: groups of pairs of landmarks whose distance along an axis is usually much the same, above all within a group, such as the edges
-    of a bay's beams: where a reference contradicts what was seen of its landmark, they tell which of both is wrong.
-    `height_reference`: how the user gives a known height on this plugin's structures, for error messages.
+    `alternatives`: sets of relations by a description of what was found in the video. Exactly one set holds: the solve
+    takes the one that agrees best with the measurements, if it does so clearly. `factors`: the plugin's GTSAM factors.
+    They may bind the plugin's keys and `frame_key`s only; for other plugins' landmarks there are the `relate` hook and
+    the references. Factors of frames that are not solved for are left out. `variables`: variables that no pixel
+    measures but these factors bind, with their first values by key: a `gtsam.Pose2` at a `KeySpace.pose2` key, three
+    numbers at a `KeySpace.vector3` key. `alike`: groups of pairs of landmarks whose distance along an axis is usually
+    much the same, above all within a group, such as the edges of a bay's beams: where a reference contradicts what was
+    seen of its landmark, they tell which of both is wrong. `height_reference`: how the user gives a known height on
+    this plugin's structures, for error messages.
     """
 
     plugin: str

@@ -1,7 +1,7 @@
 """Covariances of all points and camera positions at once.
 
-`gtsam.Marginals` asks for one variable at a time. Frames share factors only with their neighbours, so they are eliminated
-sparsely, and the rest, the points' information, is small and inverted whole: joint covariances come with it.
+`gtsam.Marginals` asks for one variable at a time. Frames share factors only with their neighbours, so they are
+eliminated sparsely, and the rest, the points' information, is small and inverted whole: joint covariances come with it.
 """
 
 from collections.abc import Collection
@@ -25,9 +25,9 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class SharedUnknowns:
-    """Unknowns beside the graph's variables that its last rows (r,) share, such as biases: whitened derivatives (r, k), their
-    value (k,) now, and the standard deviations (k,) of their prior about 0. Those that are not `free` (k,) are not
-    estimated: their uncertainty spreads to the others (Schmidt's consider parameters)."""
+    """Unknowns beside the graph's variables that its last rows (r,) share, such as biases: whitened derivatives (r, k),
+    their value (k,) now, and the standard deviations (k,) of their prior about 0. Those that are not `free` (k,) are
+    not estimated: their uncertainty spreads to the others (Schmidt's consider parameters)."""
 
     columns: csc_array
     value: Floats
@@ -37,12 +37,12 @@ class SharedUnknowns:
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
-    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances `cameras` (f, 3) of the frames'
-    positions.
+    """Joint covariance `points` (3m, 3m) of the Point3 variables `keys` (m,), and variances `cameras` (f, 3) of the
+    frames' positions.
 
-    `shared` (k, k): covariance of the shared unknowns; `step` (k,): the step that brings these to their optimum. `followed`
-    (3m, c): how far the points move with each shared unknown that is not estimated, for one standard deviation; `points`
-    contains it.
+    `shared` (k, k): covariance of the shared unknowns; `step` (k,): the step that brings these to their optimum.
+    `followed` (3m, c): how far the points move with each shared unknown that is not estimated, for one standard
+    deviation; `points` contains it.
     """
 
     keys: tuple[int, ...]
@@ -84,8 +84,8 @@ def covariance(
     shared: SharedUnknowns | None = None,
     only: Collection[int] | None = None,
 ) -> Covariance:
-    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their positions. With `only` it is of
-    these variables and the shared unknowns, without the frames' positions.
+    """From a graph at its optimum. `frames` are Pose3 keys, `centres` Point3 keys of their positions. With `only` it is
+    of these variables and the shared unknowns, without the frames' positions.
 
     Raises SolveError if the graph leaves a variable undetermined.
     """
@@ -118,7 +118,8 @@ def covariance(
 
 
 def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -> tuple[Floats, Floats]:
-    """What is left of the `outer` information (k, k) without the frames', `near` (n, n), and the `wanted` rows of near^-1 cross.
+    """What is left of the `outer` information (k, k) without the frames', `near` (n, n), and the `wanted` rows of
+    near^-1 cross.
 
     A frame shows few of the points, neighbours the same ones: frames are taken some at a time, with dense blocks.
     """
@@ -141,7 +142,8 @@ def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -
 def _information(
     graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: SharedUnknowns | None
 ) -> tuple[csc_matrix, Floats, dict[int, Ints]]:
-    """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones last."""
+    """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones
+    last."""
     entries = graph.linearize(values).sparseJacobian_()
     rows, cols = entries[:2].astype(np.int64) - 1
     slots: dict[int, Ints] = {}
@@ -167,8 +169,8 @@ def _information(
 def _joint(
     information: Floats, right: Floats, shared: SharedUnknowns | None, wanted: Ints
 ) -> tuple[Floats, Floats, Floats]:
-    """Covariance (w, w) of the `wanted` (w,) among the unknowns (n,), shared ones being last, the step (n,) to the optimum of
-    all, and how far (w, c) the wanted follow each shared one that is not free, a standard deviation off.
+    """Covariance (w, w) of the `wanted` (w,) among the unknowns (n,), shared ones being last, the step (n,) to the
+    optimum of all, and how far (w, c) the wanted follow each shared one that is not free, a standard deviation off.
 
     SharedUnknowns ones that are not free keep their prior, and the others' estimates follow them.
     """
@@ -195,8 +197,8 @@ def _joint(
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """Inverse of a positive definite matrix (n, n), by the Cholesky `factor` of the matrix scaled (n,) so that tight and loose
-    variables do not drown one another."""
+    """Inverse of a positive definite matrix (n, n), by the Cholesky `factor` of the matrix scaled (n,) so that tight
+    and loose variables do not drown one another."""
 
     factor: Floats
     scale: Floats

@@ -14,9 +14,9 @@ class Biases:
     """k unknown biases, px, of which each of n measurements has up to s: `indices` (n, s) of the biases, and `slopes`
     (n, 2, s), the pixel's derivative to each, 0 where there is none.
 
-    `prior` (k,): their standard deviations; `free` (k,): which are estimated. The others are taken for 0, and sigmas allow
-    for them. Those that are `relative` (k,) are multiples of each measurement's standard deviation rather than px: their slopes
-    hold that as it was given, and where the residuals show another one, it is theirs that counts.
+    `prior` (k,): their standard deviations; `free` (k,): which are estimated. The others are taken for 0, and sigmas
+    allow for them. Those that are `relative` (k,) are multiples of each measurement's standard deviation rather than
+    px: their slopes hold that as it was given, and where the residuals show another one, it is theirs that counts.
     """
 
     indices: Ints
@@ -50,10 +50,12 @@ def no_biases(count: int) -> Biases:
 
 @dataclass(frozen=True, eq=False)
 class ImageMeasurements:
-    """Landmarks with `keys` (n,), seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in views[view (n,)].
+    """Landmarks with `keys` (n,), seen in `frames` (n,) at `pixels` (n, 2) with `covariances` (n, 2, 2) px^2, in
+    views[view (n,)].
 
-    `dof` (n,) is how many equations a measurement is worth: 2 for a point, 1 for a point on an edge, less where several share one edge.
-    `biases`: those that measurements have in common. `classes` (n,) are indices into `class_names`: measurements of one class err alike.
+    `dof` (n,) is how many equations a measurement is worth: 2 for a point, 1 for a point on an edge, less where several
+    share one edge. `biases`: those that measurements have in common. `classes` (n,) are indices into `class_names`:
+    measurements of one class err alike.
     """
 
     frames: Ints
@@ -98,7 +100,8 @@ class ImageMeasurements:
 class LinearForms:
     """Measurements as linear forms: whitened pixel error = (forms @ (point - camera)) / depth, exact for a pinhole.
 
-    forms (n, 2, 3) and axes (n, 3), the view's optical axis in the rig or world frame, so that depth = axes . (point - camera).
+    forms (n, 2, 3) and axes (n, 3), the view's optical axis in the rig or world frame, so that depth = axes . (point -
+    camera).
     """
 
     forms: Floats
@@ -111,7 +114,8 @@ class LinearForms:
         )
 
     def residuals(self, offsets: Floats) -> tuple[Floats, Floats]:
-        """Whitened errors (n, 2) and depths (n,) of points at `offsets` (n, 3) m from the camera; behind it: error 1e6."""
+        """Whitened errors (n, 2) and depths (n,) of points at `offsets` (n, 3) m from the camera; behind it: error
+        1e6."""
         depths = np.einsum("ni,ni->n", self.axes, offsets)
         safe = np.where(depths > 1e-6, depths, 1.0)
         errors = np.einsum("nij,nj->ni", self.forms, offsets) / safe[:, None]
@@ -126,8 +130,9 @@ def image_measurements(
     dof: Mapping[str, Floats] | None = None,
     biases: Biases | None = None,
 ) -> ImageMeasurements:
-    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not given.
-    `dof` (by track, one each measurement) need only be given where the covariance does not show it; `biases`: in the tracks' order."""
+    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not
+    given. `dof` (by track, one each measurement) need only be given where the covariance does not show it; `biases`: in
+    the tracks' order."""
     number = {name: index for index, name in enumerate(views)}
     labels = tuple(dict.fromkeys(track.label for track in tracks))
     return ImageMeasurements(
@@ -198,8 +203,8 @@ def linear_forms(measurements: ImageMeasurements) -> LinearForms:
 
 
 def sight_lines(track: Track, facts: RowFacts, start: Trajectory) -> tuple[Floats, Floats]:
-    """Origins (n, 3) m and unit rays (n, 3) in the row's frame of a track of points, seen from the poses of `start`. Frames
-    without a pose are left out. `savmap.geometry.triangulate` gives the points nearest to such rays."""
+    """Origins (n, 3) m and unit rays (n, 3) in the row's frame of a track of points, seen from the poses of `start`.
+    Frames without a pose are left out. `savmap.geometry.triangulate` gives the points nearest to such rays."""
     poses = dict(zip(start.frames.tolist(), start.world_from_rig, strict=True))
     seen = [
         (poses[frame], facts.views[view].rig_rays(pixel))

@@ -24,10 +24,12 @@ NUMBER = re.compile(r"\d+")
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is known of the camera, all plugins' `parts`, and all relations (the plugins', then those of the references).
+    """What is known of the camera, all plugins' `parts`, and all relations (the plugins', then those of the
+    references).
 
-    Array order: `used` frames, sorted `keys`. A `partial` problem holds only the plugins that locate the camera: references
-    to other plugins' landmarks are left out, and `assumed` says what of scale and place was assumed instead, if anything.
+    Array order: `used` frames, sorted `keys`. A `partial` problem holds only the plugins that locate the camera:
+    references to other plugins' landmarks are left out, and `assumed` says what of scale and place was assumed instead,
+    if anything.
     """
 
     camera: CameraPriors
@@ -63,7 +65,8 @@ class Problem:
         return linear_forms(self.measurements)
 
     def without(self, bias: Floats, poses: Floats, points: Floats) -> "Problem":
-        """The problem with measurements corrected for biases (k,), where poses (f, 4, 4) and points (m, 3) are near these."""
+        """The problem with measurements corrected for biases (k,), where poses (f, 4, 4) and points (m, 3) are near
+        these."""
         if not len(bias):
             return self
         term = self.camera.calibration
@@ -123,10 +126,10 @@ class Estimate:
 def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> Problem:
     """Join the plugins' parts and turn the references into relations.
 
-    With `partial`, references to names that these plugins do not have are left out, for the camera is located before the
-    other plugins' landmarks are known. Raises SiteError for a reference to an unknown name otherwise, StructureError if
-    nothing was measured: no landmark in a frame with a first pose nor, where the camera's path is given, anything by a
-    plugin's factor in one of its frames.
+    With `partial`, references to names that these plugins do not have are left out, for the camera is located before
+    the other plugins' landmarks are known. Raises SiteError for a reference to an unknown name otherwise,
+    StructureError if nothing was measured: no landmark in a frame with a first pose nor, where the camera's path is
+    given, anything by a plugin's factor in one of its frames.
     """
     measurements = _measured(camera, parts)
     if camera.calibration is not None:
@@ -152,8 +155,8 @@ def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasur
 
 
 def _of_sure_frames(measurements: ImageMeasurements) -> ImageMeasurements:
-    """Those of frames with as many equations as a pose has unknowns: fewer do not say where the camera was, and a few such frames spoil the whole.
-    A pixel on a line gives one equation, for it may lie anywhere along it."""
+    """Those of frames with as many equations as a pose has unknowns: fewer do not say where the camera was, and a few
+    such frames spoil the whole. A pixel on a line gives one equation, for it may lie anywhere along it."""
     equations = (np.linalg.eigvalsh(measurements.covariances) < SURE_PX**2).sum(axis=1)
     frames, index = np.unique(measurements.frames, return_inverse=True)
     sure = np.bincount(index, weights=equations, minlength=len(frames)) >= UNKNOWNS
@@ -173,7 +176,8 @@ def first_poses(problem: Problem) -> Floats:
 
 
 def _within(part: Constraints, frames: set[int]) -> Constraints:
-    """A part without factors that bind frames other than those with these keys, and without the variables that only they bind."""
+    """A part without factors that bind frames other than those with these keys, and without the variables that only
+    they bind."""
     factors = [factor for factor in factors_in(part.factors) if _frame_keys(factor) <= frames]
     if part.factors is None or len(factors) == part.factors.size():
         return part
@@ -249,7 +253,8 @@ def _named_coordinate(name: str, parts: tuple[Constraints, ...], row: str) -> tu
 
 
 def _nearest_name(name: str, names: Sequence[str]) -> str:
-    """A hint at the name that was meant: of those that differ by numbers alone the one with the nearest, else the one most alike."""
+    """A hint at the name that was meant: of those that differ by numbers alone the one with the nearest, else the one
+    most alike."""
     alike = [known for known in names if NUMBER.split(known) == NUMBER.split(name)]
     if alike:
         wanted = np.array(NUMBER.findall(name), dtype=np.float64)

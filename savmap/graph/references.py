@@ -1,4 +1,5 @@
-"""What the user measured, and what is known of the camera before the solve: both give the map its scale and its place."""
+"""What the user measured, and what is known of the camera before the solve: both give the map its scale and its
+place."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,8 +13,8 @@ from savmap.types import Axis, RowFacts, Trajectory
 
 @dataclass(frozen=True)
 class CameraHeight:
-    """The camera's height above the floor: one unknown common height, given as value_m +- sigma_m, about which the camera
-    sways by sway_m from frame to frame. `passes`: which ones it was measured for (none named: all)."""
+    """The camera's height above the floor: one unknown common height, given as value_m +- sigma_m, about which the
+    camera sways by sway_m from frame to frame. `passes`: which ones it was measured for (none named: all)."""
 
     value_m: float
     sigma_m: float
@@ -74,7 +75,8 @@ class KnownMarker:
 
 
 OnContradiction = Literal["check", "refuse", "leave_out"]
-"""What becomes of a row where a reference is contradicted: it is mapped without it and doubted, refused, or mapped without a doubt."""
+"""What becomes of a row where a reference is contradicted: it is mapped without it and doubted, refused, or mapped
+without a doubt."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,9 @@ class References:
 
 @dataclass(frozen=True, eq=False)
 class CameraPriors:
-    """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if poses
-    are taken from an earlier map, `fixed`; `free_rotation` holds only their positions then (the published way for plugins
-    that do not locate the camera). `calibration`: which terms of the camera are unknowns too."""
+    """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if
+    poses are taken from an earlier map, `fixed`; `free_rotation` holds only their positions then (the published way for
+    plugins that do not locate the camera). `calibration`: which terms of the camera are unknowns too."""
 
     facts: RowFacts
     start: Trajectory
@@ -110,7 +112,8 @@ def camera_priors(
     free_rotation: bool = False,
     calibration: Calibration | None = None,
 ) -> CameraPriors:
-    """Checked priors. Raises SolveError for a camera height of a pass that is not in the row, or a start that is not finite."""
+    """Checked priors. Raises SolveError for a camera height of a pass that is not in the row, or a start that is not
+    finite."""
     chosen = references or References()
     for height in chosen.camera_heights:
         unknown = sorted(set(height.passes) - set(facts.frames.passes))

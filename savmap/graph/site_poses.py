@@ -1,5 +1,5 @@
-"""Poses of the rows in a site: a graph whose variables are the rows' poses on the floor, as robots' maps are joined by pose graphs
-(Lu and Milios 1997; Grisetti et al., "A tutorial on graph-based SLAM", 2010).
+"""Poses of the rows in a site: a graph whose variables are the rows' poses on the floor, as robots' maps are joined by
+pose graphs (Lu and Milios 1997; Grisetti et al., "A tutorial on graph-based SLAM", 2010).
 
 On the floor, a row's pose is a `Pose2` of x, -z and heading, so that headings count counter-clockwise from above.
 """
@@ -33,8 +33,8 @@ class RelativePosePrior:
 
 @dataclass(frozen=True, eq=False)
 class PointMatch:
-    """A point (3,) m in the frames of rows `a` and `b`: the difference of the two, in a's frame, has `covariance` (k, k) along
-    `axes` (k, 3), unit vectors on the floor in a's frame."""
+    """A point (3,) m in the frames of rows `a` and `b`: the difference of the two, in a's frame, has `covariance` (k,
+    k) along `axes` (k, 3), unit vectors on the floor in a's frame."""
 
     a: str
     b: str
@@ -50,7 +50,8 @@ class PointMatch:
 
 @dataclass(frozen=True, eq=False)
 class SitePoses:
-    """Rows' poses by name, with the joint covariance (3n, 3n) of their x m, z m, heading degrees, in the site's frame."""
+    """Rows' poses by name, with the joint covariance (3n, 3n) of their x m, z m, heading degrees, in the site's
+    frame."""
 
     rows: Mapping[str, Placement]
     joint: Floats
@@ -81,8 +82,8 @@ def solve_site_poses(
 ) -> SitePoses:
     """The rows of `start`, from priors on single rows and what binds them to one another, all with Huber's loss.
 
-    `square_rad`: how far rows may turn from a common grid of right angles (standard deviation); rows that start further off it than
-    10 degrees are left alone. Raises SolveError where a row's pose stays open.
+    `square_rad`: how far rows may turn from a common grid of right angles (standard deviation); rows that start further
+    off it than 10 degrees are left alone. Raises SolveError where a row's pose stays open.
     """
     keys = {name: int(gtsam.symbol("r", number)) for number, name in enumerate(start)}
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()

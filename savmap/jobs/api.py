@@ -45,13 +45,14 @@ def map_site(
 ) -> SiteMap:
     """Map all rows of a site.
 
-    site: a site file. plugins: names of those that look at the rows (or the one's); default: the site's, else all installed ones. output: a folder
-    for all that `savmap map` writes, which also keeps what need not be done again; default: nothing is written. progress: is told what is
-    done. jobs: rows mapped at a time, each in a process of its own (0: all in this one, in which a hook that never returns is never
-    ended). overrides: single keys of the site file, such as "rows.A.fps=5".
+    site: a site file. plugins: names of those that look at the rows (or the one's); default: the site's, else all
+    installed ones. output: a folder for all that `savmap map` writes, which also keeps what need not be done again;
+    default: nothing is written. progress: is told what is done. jobs: rows mapped at a time, each in a process of its
+    own (0: all in this one, in which a hook that never returns is never ended). overrides: single keys of the site
+    file, such as "rows.A.fps=5".
 
-    Rows that could not be mapped are in `failed` of the result. Raises SavmapError's kinds; the first row's error where no row could be
-    mapped.
+    Rows that could not be mapped are in `failed` of the result. Raises SavmapError's kinds; the first row's error where
+    no row could be mapped.
     """
     folder = where(output) if output is not None else Path()
     job = job_for(where(site), _several(plugins), folder, overrides=overrides_of(_several(overrides) or [], {}))
@@ -71,8 +72,9 @@ def map_video(
 ) -> SiteMap:
     """Map one row from one panoramic video (or a folder of pictures): a first map. The row's name is "1".
 
-    camera_height_m: above the floor; it gives the map its scale. side: "left" or "right", the hand the face is on as one drives along;
-    default: found in the pictures. The other arguments, and the errors raised, are those of `map_site`.
+    camera_height_m: above the floor; it gives the map its scale. side: "left" or "right", the hand the face is on as
+    one drives along; default: found in the pictures. The other arguments, and the errors raised, are those of
+    `map_site`.
     """
     folder, keys = where(output) if output is not None else Path(), overrides_of(_several(overrides) or [], {})
     job = job_for(where(video), _several(plugins), folder, camera_height_m, side, None, keys)
@@ -87,7 +89,8 @@ def load_map(path: PathLike) -> SiteMap:
 def evaluate(site_map: SiteMap | PathLike, survey: PathLike | Survey) -> Evaluation:
     """A map against a survey (records, or paths of their files), scored by the plugins that made it.
 
-    Raises OutputError where they have no row in common, or the survey is malformed; PluginError for a plugin that is not installed.
+    Raises OutputError where they have no row in common, or the survey is malformed; PluginError for a plugin that is
+    not installed.
     """
     truth = survey if isinstance(survey, Survey) else read_survey(where(survey))
     scored = _map_of(site_map)
@@ -95,20 +98,24 @@ def evaluate(site_map: SiteMap | PathLike, survey: PathLike | Survey) -> Evaluat
 
 
 def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEVEL) -> Comparison:
-    """What changed from an old map of a place to a new one (records, or paths of map.json or of its folder), and what of it both can tell.
+    """What changed from an old map of a place to a new one (records, or paths of map.json or of its folder), and what
+    of it both can tell.
 
-    Rows are known by their names; how their frames lie is found from what both maps have. level: the share of false ones among the changes
-    that is accepted. Raises OutputError for a file that is no map, PluginError for a plugin that fails.
+    Rows are known by their names; how their frames lie is found from what both maps have. level: the share of false
+    ones among the changes that is accepted. Raises OutputError for a file that is no map, PluginError for a plugin that
+    fails.
     """
     before, after = map(_map_of, (old, new))
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 
 def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
-    """The map with its place in the user's world (`alignment`), from a file with the section `align` of a site file, or that alone.
+    """The map with its place in the user's world (`alignment`), from a file with the section `align` of a site file, or
+    that alone.
 
-    tell: is given a line for each thing that the user should know, such as a point that contradicts the others and was left out. Raises
-    SiteError with file and line where the places do not tell where the site stands, or contradict one another.
+    tell: is given a line for each thing that the user should know, such as a point that contradicts the others and was
+    left out. Raises SiteError with file and line where the places do not tell where the site stands, or contradict one
+    another.
     """
     result = aligned(_map_of(site_map), load_alignment(where(known)))
     if tell is not None:
@@ -118,8 +125,8 @@ def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], N
 
 
 def find(site_map: SiteMap | PathLike, name: str) -> list[SearchHit]:
-    """Where what is called `name` is: structures by id or by what is written on them, with the slot that this names, and places between structures,
-    such as "bay 2 level 3".
+    """Where what is called `name` is: structures by id or by what is written on them, with the slot that this names,
+    and places between structures, such as "bay 2 level 3".
 
     Raises SiteError, with the nearest names, where nothing is called so.
     """
@@ -138,8 +145,9 @@ def view(
 ) -> MapView:
     """The viewer of a map: a notebook shows what this returns; elsewhere it is opened in the browser.
 
-    The page lies beside a map.json, and in a temporary folder for a record. survey: its errors are shown; against: an earlier map, to be shown with
-    it; fresh: the page is written anew; show: whether the browser is opened. Raises SavmapError's kinds.
+    The page lies beside a map.json, and in a temporary folder for a record. survey: its errors are shown; against: an
+    earlier map, to be shown with it; fresh: the page is written anew; show: whether the browser is opened. Raises
+    SavmapError's kinds.
     """
     source = where(site_map) if not isinstance(site_map, SiteMap) else Path(mkdtemp(prefix="savmap-view-")) / "map"
     if isinstance(site_map, SiteMap):
@@ -154,8 +162,9 @@ def view(
 
 
 def measure(site_map: SiteMap | PathLike, first: str, second: str) -> VertexDistance:
-    """From one vertex or edge to another ("upright 1 / right", or "A: upright 1 / right" where several rows have one), with the covariance of what lies between: errors that both
-    share do not count. Raises SiteError, with the nearest names, for what the map has not, or has in several rows."""
+    """From one vertex or edge to another ("upright 1 / right", or "A: upright 1 / right" where several rows have one),
+    with the covariance of what lies between: errors that both share do not count. Raises SiteError, with the nearest
+    names, for what the map has not, or has in several rows."""
     return vertex_distance(_map_of(site_map), first, second)
 
 
@@ -172,9 +181,10 @@ def import_survey(
 ) -> ImportedSurvey:
     """A survey out of tables (CSV) and drawings (DXF), to be written with `write_survey`.
 
-    site_map: says where rows stand, with its alignment; or places: "A=X,Y,HEADING", where a row's origin is in your world. columns: the name or
-    number of a table's column for "row", "id", "label", "vertex", "x", "y", "z", "text". labels: what a layer or a code is called here. unit: of
-    lengths, where the file does not say it. row: of what names none. frame: "row", "site" or "world".
+    site_map: says where rows stand, with its alignment; or places: "A=X,Y,HEADING", where a row's origin is in your
+    world. columns: the name or number of a table's column for "row", "id", "label", "vertex", "x", "y", "z", "text".
+    labels: what a layer or a code is called here. unit: of lengths, where the file does not say it. row: of what names
+    none. frame: "row", "site" or "world".
 
     Raises SiteError for an option that is wrong, OutputError for a file that cannot be read, or does not say enough.
     """
@@ -190,7 +200,8 @@ def import_survey(
 
 
 def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = None) -> Path:
-    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: what the path's ending tells.
+    """Write a map in another format, such as "csv" or "ply"; docs/exports.md has all of them. Default: what the path's
+    ending tells.
 
     Raises SiteError for an unknown format or ending, PluginError for an exporter that fails, OutputError.
     """

@@ -34,8 +34,8 @@ Record = TypeVar("Record")
 
 
 class StoredRecord(Generic[Record]):
-    """A record with its bytes for the cache, either of which is made of the other when it is first asked for. It goes from process to
-    process as bytes."""
+    """A record with its bytes for the cache, either of which is made of the other when it is first asked for. It goes
+    from process to process as bytes."""
 
     def __init__(self, kind: type[Record], record: Record | None = None, content: bytes | None = None) -> None:
         self._kind, self._record, self._content = kind, record, content
@@ -70,7 +70,8 @@ class RowCache(Protocol):
         ...
 
     def frames(self, row: str, key: str) -> Parts | None:
-        """Where what was measured in single frames of a row is kept, until all of them are measured; None where nothing is."""
+        """Where what was measured in single frames of a row is kept, until all of them are measured; None where nothing
+        is."""
         ...
 
 
@@ -146,8 +147,8 @@ def _head(key: str, body: bytes) -> bytes:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs out of an output folder, and sweep up what a killed one left there; a URL's is nobody's. Raises OutputError
-    while another run is at work in it."""
+    """Keep other runs out of an output folder, and sweep up what a killed one left there; a URL's is nobody's. Raises
+    OutputError while another run is at work in it."""
     if is_url(folder):
         yield
         return

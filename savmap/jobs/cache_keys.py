@@ -5,7 +5,8 @@ Every file that a result depends on is in its key:
 | file | by |
 | --- | --- |
 | videos, folders of pictures | `_footage`: name, size, time of change, both ends |
-| networks: those of a plugin, the one that the user names, their weights beside them, in float32 where a provider wants that | `_network` |
+| networks: those of a plugin, the one that the user names, their weights beside them, in float32 where a provider wants
+that | `_network` |
 | an earlier map whose path is used | `_file` |
 | code of savmap and of plugins, with whatever lies in their packages beside it | `_sources` |
 | libraries that count, and those that a plugin names | their versions |
@@ -136,7 +137,8 @@ def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
 
 
 def _network(model: Path, providers: Sequence[str]) -> list[str]:
-    """Digests of all files of a network, and of the one in float32 beside it if a provider runs that; none where there is no such file."""
+    """Digests of all files of a network, and of the one in float32 beside it if a provider runs that; none where there
+    is no such file."""
     files = dict.fromkeys(file_for(model, provider) for provider in providers)
     return [_file(part) for file in files if file.is_file() for part in network_files(file)]
 

@@ -1,4 +1,5 @@
-"""`savmap check`: everything that can be known to be wrong with a site file before hours are spent, and what a run will take."""
+"""`savmap check`: everything that can be known to be wrong with a site file before hours are spent, and what a run will
+take."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -42,8 +43,8 @@ def check(
     pictures: bool = True,
     earlier: Path | None = None,
 ) -> list[SavmapError]:
-    """The problems of a site file. The monitor gets a note of each as soon as it is found, of pictures that were written, and of what a
-    run will take. Raises SiteError where the file cannot be read."""
+    """The problems of a site file. The monitor gets a note of each as soon as it is found, of pictures that were
+    written, and of what a run will take. Raises SiteError where the file cannot be read."""
     problems: list[SavmapError] = []
     for finding in _findings(source, plugins, output, overrides, pictures, earlier):
         if isinstance(finding, SavmapError):

@@ -1,6 +1,8 @@
-"""Rows on a Dask cluster (extra `cluster`): its workers do what processes beside this one would do, and give the same bytes.
+"""Rows on a Dask cluster (extra `cluster`): its workers do what processes beside this one would do, and give the same
+bytes.
 
-Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or a URL.
+Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or a
+URL.
 """
 
 import re
@@ -19,7 +21,8 @@ CONNECT_S = 15
 
 
 class DaskExecutor:
-    """A Dask scheduler's workers. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`."""
+    """A Dask scheduler's workers. Work whose worker dies is given to another one, up to the scheduler's
+    `allowed-failures`."""
 
     shown: Shown | None = None
 

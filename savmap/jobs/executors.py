@@ -1,4 +1,5 @@
-"""Who runs a job's tasks: this process, or other processes, of which one may end without taking the others' tasks with it."""
+"""Who runs a job's tasks: this process, or other processes, of which one may end without taking the others' tasks with
+it."""
 
 import ctypes
 import multiprocessing
@@ -18,15 +19,16 @@ from savmap.types.progress import Monitor, SilentMonitor
 Item = TypeVar("Item")
 Task = tuple[Callable[..., Any], tuple[Any, ...]]
 Shown = Callable[[Any, Callable[[], float]], Monitor]
-"""The monitor of a task that begins, by its key, and by what gives the processor's seconds that the task's process has used."""
+"""The monitor of a task that begins, by its key, and by what gives the processor's seconds that the task's process has
+used."""
 POLL_S = 0.25
 PARENT_POLL_S = 1.0
 ENDED = "its process ended without a word: out of memory, killed, or crashed"
 
 
 class WorkerCrashedError(Exception):
-    """The process that did a task ended without a result, or was ended because a hook took too long. `plugin`, `hook`: what was at work
-    in it, if a hook was."""
+    """The process that did a task ended without a result, or was ended because a hook took too long. `plugin`, `hook`:
+    what was at work in it, if a hook was."""
 
     def __init__(self, what: str, plugin: str = "", hook: str = "") -> None:
         super().__init__(what)
@@ -34,8 +36,9 @@ class WorkerCrashedError(Exception):
 
 
 class TaskExecutor(Protocol):
-    """Takes tasks, and gives their results in the order in which they are done. `shown`: gives each task a last argument, the monitor that shows
-    what it does to the user while it does it; None where that is not possible, and the argument is left out."""
+    """Takes tasks, and gives their results in the order in which they are done. `shown`: gives each task a last
+    argument, the monitor that shows what it does to the user while it does it; None where that is not possible, and the
+    argument is left out."""
 
     shown: Shown | None
 
@@ -50,8 +53,8 @@ class TaskExecutor(Protocol):
 
 
 class SerialExecutor:
-    """Runs tasks in this process, one after another, when their results are asked for. A task that is submitted meanwhile comes next:
-    it goes on from the last one's result, which then need not be kept for long."""
+    """Runs tasks in this process, one after another, when their results are asked for. A task that is submitted
+    meanwhile comes next: it goes on from the last one's result, which then need not be kept for long."""
 
     def __init__(self, shown: Shown | None = None) -> None:
         self.shown = shown
@@ -72,9 +75,9 @@ class SerialExecutor:
 class ProcessExecutor:
     """Runs tasks in other processes, so many at a time.
 
-    If a process ends without a result, all tasks under way are tried again, each alone; one that ends its process then has
-    `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. What tasks tell their monitor goes
-    to that which `shown` gives, from a thread for each process.
+    If a process ends without a result, all tasks under way are tried again, each alone; one that ends its process then
+    has `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. What tasks
+    tell their monitor goes to that which `shown` gives, from a thread for each process.
     """
 
     def __init__(self, processes: int, timeout_s: float = float("inf"), shown: Shown | None = None) -> None:
@@ -95,7 +98,8 @@ class ProcessExecutor:
                     yield from self._run(alone, 1)
 
     def _run(self, waiting: dict[Hashable, Task], processes: int) -> Iterator[tuple[Any, Any]]:
-        """Run what is waiting until it is done or a process ends (then some may still wait); at most `processes` tasks are under way."""
+        """Run what is waiting until it is done or a process ends (then some may still wait); at most `processes` tasks
+        are under way."""
         with _pool(processes, self.timeout_s, self.shown) as (pool, board):
             under_way: dict[Future[Any], tuple[Hashable, Task]] = {}
             while waiting or under_way:
@@ -129,7 +133,8 @@ class ProcessExecutor:
 
 
 class ForwardedMonitor:
-    """A Monitor for a task in another process: what it is told is shown by the monitor of the process that waits for it."""
+    """A Monitor for a task in another process: what it is told is shown by the monitor of the process that waits for
+    it."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         _worker.send("each", doing, total)
@@ -149,8 +154,8 @@ class ForwardedMonitor:
 
 
 class _Slot(ctypes.Structure):
-    """What one process is at: its task, the hook that is at work in it since a time of the monotonic clock, and the processor's seconds that it
-    had used at the last step."""
+    """What one process is at: its task, the hook that is at work in it since a time of the monotonic clock, and the
+    processor's seconds that it had used at the last step."""
 
     _fields_ = (
         ("pid", ctypes.c_long),
@@ -163,8 +168,8 @@ class _Slot(ctypes.Structure):
 
 
 class _Board:
-    """The slots of a pool's processes, in memory that they share with this one, and a thread that ends processes in which a hook takes
-    too long."""
+    """The slots of a pool's processes, in memory that they share with this one, and a thread that ends processes in
+    which a hook takes too long."""
 
     def __init__(self, context: Any, processes: int, timeout_s: float) -> None:
         self.slots = context.Array(_Slot, processes, lock=False)
@@ -211,7 +216,8 @@ class _Worker:
             self.events.send(event)
 
     def tell(self, plugin: str, hook: str) -> None:
-        """Note the hook that is at work. The plugin is written last, and taken away first: it says that the rest is valid."""
+        """Note the hook that is at work. The plugin is written last, and taken away first: it says that the rest is
+        valid."""
         self.slot.plugin = b""
         if plugin:
             self.slot.hook, self.slot.begin_s = hook.encode()[:63], time.monotonic()

@@ -1,4 +1,5 @@
-"""What an earlier run kept, believed only where it is what a run keeps: a file that was forged or spoilt is done again."""
+"""What an earlier run kept, believed only where it is what a run keeps: a file that was forged or spoilt is done
+again."""
 
 import logging
 from collections.abc import Callable, Collection, Mapping

@@ -60,8 +60,8 @@ MAPPED = (RowsFailedError, PluginsLeftOutError, DoubtfulError)
 
 @dataclass(frozen=True, eq=False)
 class SiteRun:
-    """What a run gave: the map, its scores where the site names a survey, what was done with each row, the rows that failed, the
-    plugins that failed anywhere, and the files that were written."""
+    """What a run gave: the map, its scores where the site names a survey, what was done with each row, the rows that
+    failed, the plugins that failed anywhere, and the files that were written."""
 
     site_map: SiteMap
     evaluation: Evaluation | None
@@ -71,8 +71,8 @@ class SiteRun:
     files: tuple[Path, ...] = ()
 
     def raise_if_incomplete(self, job: Job) -> None:
-        """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed, DoubtfulError where something
-        speaks against a row's map."""
+        """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed,
+        DoubtfulError where something speaks against a row's map."""
         banner = self.site_map.banner
         if self.failed_rows:
             raise RowsFailedError(f"{banner}; {job.output / MAP} says why")
@@ -97,16 +97,18 @@ def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
 def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     """Map a job that is known to be ready, and write all its results into its output folder, which is there.
 
-    What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole, after everything is
-    solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json, pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
+    What is worked out of each row is kept in the folder as soon as it is there; the other files are written whole,
+    after everything is solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json,
+    pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
     return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
 
 
 @contextmanager
 def failures_recorded(folder: Path) -> Iterator[None]:
-    """Let run.json in an output folder tell of a run that fails while this lasts, with the map of an earlier run where it is still there. Nothing
-    is written into a folder that no run has written to, into which another run writes, or that is a URL, nor of a run that was cut off."""
+    """Let run.json in an output folder tell of a run that fails while this lasts, with the map of an earlier run where
+    it is still there. Nothing is written into a folder that no run has written to, into which another run writes, or
+    that is a URL, nor of a run that was cut off."""
     before = _identity(folder / MAP)
     try:
         yield
@@ -137,7 +139,8 @@ def _identity(path: Path) -> tuple[int, int] | None:
 
 
 def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
-    """The map with its rows placed in the site's frame where something tells, and a line for each thing the user should know."""
+    """The map with its rows placed in the site's frame where something tells, and a line for each thing the user should
+    know."""
     footage = {name: recordings(job.site.rows[name].passes) for name in site_map.rows}
     try:
         result = assembled(
@@ -152,8 +155,8 @@ def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[Si
 
 
 def in_users_world(job: Job, site_map: SiteMap) -> tuple[SiteMap, tuple[str, ...]]:
-    """The map with its place in the user's world where the site file tells, and a line for each thing the user should know. What does not
-    fit the map costs the alignment, not the map."""
+    """The map with its place in the user's world where the site file tells, and a line for each thing the user should
+    know. What does not fit the map costs the alignment, not the map."""
     if job.site.align is None:
         return site_map, ()
     try:
@@ -201,8 +204,8 @@ def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
 
 
 def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
-    """Write a row's orthophoto, what is said of it, and the wireframe over it; the picture, if there is one. Without one, that of an
-    earlier map is taken away: it would not fit this one. Raises OutputError."""
+    """Write a row's orthophoto, what is said of it, and the wireframe over it; the picture, if there is one. Without
+    one, that of an earlier map is taken away: it would not fit this one. Raises OutputError."""
     picture, *said = orthophoto_files(row, folder)
     overlay = picture.with_suffix(".svg")
     photo = report.photos.get(row)
@@ -216,7 +219,8 @@ def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
 
 
 def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
-    """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is done here."""
+    """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is
+    done here."""
     for note in job.notes:
         monitor.note(note)
     mapped = map_rows_of(
@@ -245,8 +249,8 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
 def _write_results(
     job: Job, site_map: SiteMap, mapped: MappedRows, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
-    """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its orthophoto if there is one, and
-    the box plot where there is a survey; the scores, and the files worth a look."""
+    """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its
+    orthophoto if there is one, and the box plot where there is a survey; the scores, and the files worth a look."""
     gone = _rows_of(job.output / MAP) - set(site_map.rows)
     write_map(site_map, job.output / MAP)
     write_log(mapped.log, job.output / LOG)

@@ -24,8 +24,8 @@ FRAMES, WARM = 14, 4
 
 @dataclass
 class ProbeMonitor:
-    """A Monitor that lets only the first few frames of a pass through, and notes, on the clock and in the processor's seconds, when each was asked
-    for in the first walk."""
+    """A Monitor that lets only the first few frames of a pass through, and notes, on the clock and in the processor's
+    seconds, when each was asked for in the first walk."""
 
     ticks: list[tuple[float, float]] = field(default_factory=list)
 
@@ -58,8 +58,9 @@ class Rate:
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """What a run will take with one worker: frames, seconds of measuring them, seconds of all that comes after that, MB on disk for what is kept
-    of the rows, MB of memory that were in use after a few frames. A second look at the frames, which most rows do not need, is not in it."""
+    """What a run will take with one worker: frames, seconds of measuring them, seconds of all that comes after that, MB
+    on disk for what is kept of the rows, MB of memory that were in use after a few frames. A second look at the frames,
+    which most rows do not need, is not in it."""
 
     frames: int
     measure_s: float

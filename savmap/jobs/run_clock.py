@@ -16,8 +16,9 @@ PLAN_FRAMES = 28
 """Choosing a pass's views takes as long as measuring so many frames: it looks at a fixed number of key frames."""
 SHARES = {MEASURED: 0.45, SOLVED: 0.32, PICTURED: 0.04}
 DRAWN = 0.03
-"""What follows the walk over a row's frames, in shares of the processor time of that: all frames put together, the solve, the orthophoto; and the
-files that are written of it in the end. They are those of the rows of the demo's aisle, and count until a row of the run has been through a stage."""
+"""What follows the walk over a row's frames, in shares of the processor time of that: all frames put together, the
+solve, the orthophoto; and the files that are written of it in the end. They are those of the rows of the demo's aisle,
+and count until a row of the run has been through a stage."""
 LEAST_STEPS, STEPS = 8, 40
 """Frames from which the time of a frame is told: at least, and at most the last so many."""
 KEPT = 5.0
@@ -28,8 +29,8 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class FrameCost:
-    """What measuring a frame takes: seconds on the clock, and of what follows the walk for each frame, which is work for one core: the
-    processor's seconds, or those on the clock where the machine gives a process less than a core."""
+    """What measuring a frame takes: seconds on the clock, and of what follows the walk for each frame, which is work
+    for one core: the processor's seconds, or those on the clock where the machine gives a process less than a core."""
 
     frame_s: float
     single_s: float
@@ -55,8 +56,8 @@ class FrameCost:
 
 @dataclass(eq=False)
 class _Row:
-    """How far a row is: the stages that are not done, the one in work, since when and for how many frames of all its rows, walks that began and
-    ended, and how many frames of the last walk are done."""
+    """How far a row is: the stages that are not done, the one in work, since when and for how many frames of all its
+    rows, walks that began and ended, and how many frames of the last walk are done."""
 
     frames: int
     passes: int
@@ -76,8 +77,8 @@ class _Row:
 
 
 class RunClock:
-    """The rows of a run by name, with their frames and passes, in groups that are solved together. Tells the monitor every second how long the
-    rest will take, once a row's frames tell how long they take."""
+    """The rows of a run by name, with their frames and passes, in groups that are solved together. Tells the monitor
+    every second how long the rest will take, once a row's frames tell how long they take."""
 
     def __init__(
         self,
@@ -126,7 +127,8 @@ class RunClock:
             row.stages.remove(stage)
 
     def left_s(self, workers: int) -> float | None:
-        """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones are solved."""
+        """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones
+        are solved."""
         with self._lock:
             known = {row: FrameCost.of([*row.ticks]) for row in self.rows.values() if len(row.ticks) >= LEAST_STEPS}
             if not known:
@@ -153,7 +155,8 @@ class RunClock:
         return self._single_s([row], MEASURED, {row: cost})
 
     def _single_s(self, rows: Sequence[_Row], stage: str, costs: Mapping[_Row, FrameCost]) -> float:
-        """Of a stage of rows that are worked on together, without what is done frame by frame: never nothing until it is done."""
+        """Of a stage of rows that are worked on together, without what is done frame by frame: never nothing until it
+        is done."""
         ahead = [row for row in rows if stage in row.stages]
         whole_s = sum(self._stage_s(row, stage, costs[row]) for row in ahead)
         spent_s = max((time.monotonic() - row.since_s for row in ahead if row.stage == stage), default=0.0)
@@ -171,7 +174,8 @@ class RunClock:
                 row.done = 0
 
     def step(self, row: _Row, processor_s: float) -> None:
-        """A frame is done. Where it took much longer than those before it, these were kept from an earlier run, and tell nothing."""
+        """A frame is done. Where it took much longer than those before it, these were kept from an earlier run, and
+        tell nothing."""
         with self._lock:
             row.done += 1
             ticks = row.ticks

@@ -1,5 +1,5 @@
-"""All rows of a job, each stage done once: what an earlier run kept is used, the rest is given to workers, and a row that fails stops
-no other."""
+"""All rows of a job, each stage done once: what an earlier run kept is used, the rest is given to workers, and a row
+that fails stops no other."""
 
 import logging
 import os
@@ -34,15 +34,16 @@ Key = tuple[str, Group]
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a job is run: in so many processes (0: in this one; None: as fits the rows and this machine) or by the workers of the
-    Dask scheduler at an address, and whether what an earlier run kept is ignored."""
+    """How a job is run: in so many processes (0: in this one; None: as fits the rows and this machine) or by the
+    workers of the Dask scheduler at an address, and whether what an earlier run kept is ignored."""
 
     jobs: int | None = None
     fresh: bool = False
     cluster: str | None = None
 
     def executor(self, job: Job, groups: int, shown: Shown) -> tuple[TaskExecutor, int]:
-        """Who runs the tasks of so many groups of rows, and with how many workers. Raises SavmapError where a cluster cannot."""
+        """Who runs the tasks of so many groups of rows, and with how many workers. Raises SavmapError where a cluster
+        cannot."""
         if self.cluster is not None:
             from savmap.jobs.dask_executor import DaskExecutor  # Dask is an extra, and slow to import
 
@@ -54,8 +55,8 @@ class RunOptions:
 
 @dataclass(frozen=True, eq=False)
 class MappedRows:
-    """Rows' maps by name, in the site's order; the errors of the others; what was done; and, if they were asked for, orthophotos of
-    the faces that are known and stills of the camera's path."""
+    """Rows' maps by name, in the site's order; the errors of the others; what was done; and, if they were asked for,
+    orthophotos of the faces that are known and stills of the camera's path."""
 
     rows: Mapping[str, RowMap]
     failed: Mapping[str, SavmapError]
@@ -67,8 +68,8 @@ class MappedRows:
 def map_rows_of(
     job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, with_pictures: bool = False
 ) -> MappedRows:
-    """Map all rows of a job, with the pictures of them that it asks for, if any are wanted. Raises the first row's error where none could be mapped,
-    and KeyboardInterrupt that says what is kept."""
+    """Map all rows of a job, with the pictures of them that it asks for, if any are wanted. Raises the first row's
+    error where none could be mapped, and KeyboardInterrupt that says what is kept."""
     begin = time.monotonic()
     groups = groups_of(job)
     sizes = {name: (frames_of(row.passes), len(row.passes)) for name, row in job.site.rows.items()}
@@ -114,9 +115,9 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 
 @dataclass(eq=False)
 class _Progress:
-    """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the plugins that failed
-    in it. `wants_pictures`: whether pictures are made, `pictured_next`: of which solved rows they still are; of strips only those are held that the
-    cache does not keep."""
+    """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the
+    plugins that failed in it. `wants_pictures`: whether pictures are made, `pictured_next`: of which solved rows they
+    still are; of strips only those are held that the cache does not keep."""
 
     job: Job
     cache: RowCache
@@ -234,7 +235,8 @@ class _Progress:
         self._measure(names[0]) if stage == MEASURED else self._solve(names)
 
     def _measure(self, name: str) -> None:
-        """Have a row measured. What a run kept of single frames is not for one that leaves a plugin out from the start: it may choose other views."""
+        """Have a row measured. What a run kept of single frames is not for one that leaves a plugin out from the start:
+        it may choose other views."""
         frames = self._frames(name) if self.executor.shown is not None and name not in self.crashed else None
         self._submit(
             (MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames), name

@@ -1,4 +1,5 @@
-"""Tasks: what a worker does, in this process, in another one, or on another machine. No file is written but what is kept of single frames."""
+"""Tasks: what a worker does, in this process, in another one, or on another machine. No file is written but what is
+kept of single frames."""
 
 import logging
 import resource
@@ -51,9 +52,9 @@ class RowPicture:
 
 @dataclass(frozen=True, eq=False)
 class TaskResult:
-    """What a task gave: by row, a record, or why there is none; notes for the user that nobody was told yet, seconds on the clock, the
-    largest memory of the worker so far, MB, what another process had no log for, by row, the plugins that failed and how, and strips of what was measured, if they were asked
-    for."""
+    """What a task gave: by row, a record, or why there is none; notes for the user that nobody was told yet, seconds on
+    the clock, the largest memory of the worker so far, MB, what another process had no log for, by row, the plugins
+    that failed and how, and strips of what was measured, if they were asked for."""
 
     records: Mapping[str, StoredRecord[Any] | Failure]
     notes: Sequence[str] = ()
@@ -73,8 +74,8 @@ def measure_task(
     with_strips: bool = False,
     frames: Parts | None = None,
 ) -> TaskResult:
-    """What is measured in one row's pictures, with strips of them if they are wanted. `failures`: by row, the plugins that failed in it
-    already. `frames`: where what is measured in single frames is kept meanwhile."""
+    """What is measured in one row's pictures, with strips of them if they are wanted. `failures`: by row, the plugins
+    that failed in it already. `frames`: where what is measured in single frames is kept meanwhile."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
@@ -103,7 +104,8 @@ def solve_task(
     failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
 ) -> TaskResult:
-    """Maps of rows that share passes, from what was measured of them. `failures`: by row, the plugins that failed in it already."""
+    """Maps of rows that share passes, from what was measured of them. `failures`: by row, the plugins that failed in it
+    already."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
@@ -133,8 +135,8 @@ def picture_task(
     failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
 ) -> TaskResult:
-    """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face is known; and stills
-    of the camera's path."""
+    """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face
+    is known; and stills of the camera's path."""
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
         pictures: dict[str, StoredRecord[Any] | Failure] = {}

@@ -1,4 +1,5 @@
-"""Which coordinates of a map nothing measured: a plugin takes them to be so, such as where a post ends that goods hide."""
+"""Which coordinates of a map nothing measured: a plugin takes them to be so, such as where a post ends that goods
+hide."""
 
 from savmap.types import Bools, RowMap, Structure
 

@@ -38,9 +38,9 @@ class MapVertex:
 @dataclass(frozen=True, eq=False)
 @array_record
 class VertexDistance:
-    """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's, with its covariance
-    (3, 3) m^2. `remark`: what it does not know, and which coordinates are assumed; empty where the errors that both share are left out of it and
-    all was measured."""
+    """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's,
+    with its covariance (3, 3) m^2. `remark`: what it does not know, and which coordinates are assumed; empty where the
+    errors that both share are left out of it and all was measured."""
 
     first: MapVertex
     second: MapVertex
@@ -70,8 +70,9 @@ class VertexDistance:
 
 
 def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
-    """From a vertex to another, each by its label ("upright 1 / right / bottom"), after its row and a colon where rows have the same
-    ("A: upright 1 / right / bottom"), or by its edge as site files call it ("upright 1 / right"). Raises SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
+    """From a vertex to another, each by its label ("upright 1 / right / bottom"), after its row and a colon where rows
+    have the same ("A: upright 1 / right / bottom"), or by its edge as site files call it ("upright 1 / right"). Raises
+    SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
     a, b = _vertex(site, first), _vertex(site, second)
     if a.row != b.row:
         return _between_rows(site, a, b)
@@ -97,7 +98,8 @@ def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
 
 
 def _assumptions(site: SiteMap, *ends: MapVertex) -> str:
-    """Which coordinates of vertices nothing measured, in the axes of their rows, as far as the map knows what was solved for."""
+    """Which coordinates of vertices nothing measured, in the axes of their rows, as far as the map knows what was
+    solved for."""
     said = (
         f"{axis} of `{one.label}` was not measured, it is assumed to +- {1000 * sigma:.0f} mm"
         for one in ends
@@ -131,8 +133,8 @@ def _vertex(site: SiteMap, name: str) -> MapVertex:
 
 
 def _first_of_edge(vertices: Iterable[MapVertex], name: str) -> list[MapVertex]:
-    """The first vertex in each row of an edge, "upright 1 / left", as site files call it; none for the name of a whole structure, which has
-    several edges."""
+    """The first vertex in each row of an edge, "upright 1 / left", as site files call it; none for the name of a whole
+    structure, which has several edges."""
     own = [
         vertex
         for vertex in vertices

@@ -1,6 +1,7 @@
 """A SiteMap as map.json and back. The same map always gives the same bytes.
 
-Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances to six digits, quaternions to nine decimals.
+Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances to six digits, quaternions to nine
+decimals.
 """
 
 import json
@@ -154,8 +155,8 @@ def _doubt(entry: schema.DoubtEntry) -> Doubt:
 
 
 def _quaternion(rotation: Floats) -> list[float]:
-    """x, y, z, w of a rotation (3, 3). Rounded numbers are no unit quaternion: they are taken as a reader takes them, so that a map that
-    is read and written again has the same bytes."""
+    """x, y, z, w of a rotation (3, 3). Rounded numbers are no unit quaternion: they are taken as a reader takes them,
+    so that a map that is read and written again has the same bytes."""
     first = _rounded(Rotation.from_matrix(rotation).as_quat(canonical=True), QUATERNION)
     read = Rotation.from_quat(first).as_matrix()
     return _rounded(Rotation.from_matrix(read).as_quat(canonical=True), QUATERNION)

@@ -1,4 +1,5 @@
-"""Orthophotos as files: a JPEG that says in its comment where it lies, and the same beside it as JSON, as a world file, and as GDAL has it."""
+"""Orthophotos as files: a JPEG that says in its comment where it lies, and the same beside it as JSON, as a world file,
+and as GDAL has it."""
 
 import json
 from collections.abc import Iterable
@@ -19,8 +20,9 @@ COMMENT = b"\xff\xfe"
 
 
 class OrthophotoFile(BaseModel):
-    """Where a row's orthophoto lies: the lower left corner of the picture `origin_m` and the unit vectors along its sides in the
-    row's frame, and the transform from (column, row, 1), whole at pixels' centres, to metres right of the corner, above it, and 1."""
+    """Where a row's orthophoto lies: the lower left corner of the picture `origin_m` and the unit vectors along its
+    sides in the row's frame, and the transform from (column, row, 1), whole at pixels' centres, to metres right of the
+    corner, above it, and 1."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -71,8 +73,8 @@ def read_orthophotos(rows: Iterable[str], folder: Path) -> dict[str, Orthophoto]
 
 
 def world_file(photo: Orthophoto) -> str:
-    """The picture in its face's plane, as a world file: metres along `right` and `up`, counted from the row's origin, of a pixel's sides and of the
-    upper left pixel's centre."""
+    """The picture in its face's plane, as a world file: metres along `right` and `up`, counted from the row's origin,
+    of a pixel's sides and of the upper left pixel's centre."""
     left, top = _upper_left(photo)
     half = photo.pixel_m / 2
     numbers = (photo.pixel_m, 0.0, 0.0, -photo.pixel_m, left + half, top - half)
@@ -80,7 +82,8 @@ def world_file(photo: Orthophoto) -> str:
 
 
 def gdal_text(row: str, photo: Orthophoto) -> str:
-    """The same for GDAL (`.aux.xml`): a plane of its own in metres, which is no place on Earth, the picture in it, and what the plane is."""
+    """The same for GDAL (`.aux.xml`): a plane of its own in metres, which is no place on Earth, the picture in it, and
+    what the plane is."""
     left, top = _upper_left(photo)
     dataset = Element("PAMDataset")
     plane = f"row {visible(row)}, plane of its face"

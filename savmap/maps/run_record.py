@@ -1,4 +1,5 @@
-"""What the last run into a folder did with each row, and how it ended: run.json, apart from the map, which does not depend on how long the run took."""
+"""What the last run into a folder did with each row, and how it ended: run.json, apart from the map, which does not
+depend on how long the run took."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,7 +17,8 @@ Count = Annotated[int, Field(ge=0, le=10**9)]
 
 
 class FootageFile(BaseModel):
-    """What a pass was filmed into: the file's name, or a folder's, and the size of its pictures, pixels (0: not known)."""
+    """What a pass was filmed into: the file's name, or a folder's, and the size of its pictures, pixels (0: not
+    known)."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -26,9 +28,9 @@ class FootageFile(BaseModel):
 
 
 class RowRun(BaseModel):
-    """One row: mapped now, kept from an earlier run, or failed (and why). `seconds` on the clock by stage (decode, aim, render,
-    segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory
-    in MB, the plugins that failed in it, without which it was mapped, and its `footage` by pass."""
+    """One row: mapped now, kept from an earlier run, or failed (and why). `seconds` on the clock by stage (decode, aim,
+    render, segment, extract, track, solve, ...), of frames `used` and `skipped`, the worker's largest memory in MB, the
+    plugins that failed in it, without which it was mapped, and its `footage` by pass."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -43,9 +45,10 @@ class RowRun(BaseModel):
 
 
 class RunLog(BaseModel):
-    """All rows of a run by name, its whole time on the clock, how many workers there were, when it `ended` (UTC, ISO 8601), and how: with the map of all rows, with a map
-    that is `incomplete` (rows or plugins failed in it), or with no map at all (and why). `earlier_map`: the SHA-256 of the map.json that
-    a run that failed found in its folder, and left there."""
+    """All rows of a run by name, its whole time on the clock, how many workers there were, when it `ended` (UTC, ISO
+    8601), and how: with the map of all rows, with a map that is `incomplete` (rows or plugins failed in it), or with no
+    map at all (and why). `earlier_map`: the SHA-256 of the map.json that a run that failed found in its folder, and
+    left there."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -71,8 +74,8 @@ def read_log(path: Path) -> RunLog:
 
 
 def failed_since(map_file: Path) -> RunLog | None:
-    """The record of the last run into a map's folder, where that failed and left the map of an earlier one there; None where all is well, and where
-    nothing tells."""
+    """The record of the last run into a map's folder, where that failed and left the map of an earlier one there; None
+    where all is well, and where nothing tells."""
     try:
         log = read_log(map_file.parent / LOG)
         return log if log.status == "failed" and log.earlier_map == sha256(map_file) else None

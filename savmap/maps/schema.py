@@ -73,8 +73,8 @@ class MeasuredEntry(_Part):
 
 
 class SolidEntry(_Part):
-    """The space that a structure fills: a flat outline, corners in order, pushed along `depth_m`. `assumed`: the depth was neither
-    measured nor given."""
+    """The space that a structure fills: a flat outline, corners in order, pushed along `depth_m`. `assumed`: the depth
+    was neither measured nor given."""
 
     outline_m: Annotated[list[Vector], Field(min_length=3, max_length=1000)]
     depth_m: Vector
@@ -118,8 +118,9 @@ class ViewEntry(_Part):
 
 
 class ReferenceEntry(_Part):
-    """A reference of the solve; residual = solved - value. `sigma`: given; `sigma_used`: larger where references contradict one another, null where this
-    one is not used. `state`: `contradicted` where it is used and the residual is more than three given sigmas."""
+    """A reference of the solve; residual = solved - value. `sigma`: given; `sigma_used`: larger where references
+    contradict one another, null where this one is not used. `state`: `contradicted` where it is used and the residual
+    is more than three given sigmas."""
 
     name: str
     unit: str
@@ -132,8 +133,8 @@ class ReferenceEntry(_Part):
 
 
 class DoubtEntry(_Part):
-    """What speaks against a part of a row's map: a headline of at most eight words, one figure, what to do, and further lines; which structures,
-    place (m) and frame it is about. `what`, of older maps: all in one line."""
+    """What speaks against a part of a row's map: a headline of at most eight words, one figure, what to do, and further
+    lines; which structures, place (m) and frame it is about. `what`, of older maps: all in one line."""
 
     kind: DoubtKind
     headline: str = ""
@@ -155,9 +156,10 @@ class VerdictEntry(_Part):
 
 
 class JointEntry(_Part):
-    """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z, the number of its coordinate
-    from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex has its variance. `covariance_m2`: the upper triangle of
-    the covariance of these `size` coordinates, row by row, 32-bit floats, the least significant byte first, in base64."""
+    """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z,
+    the number of its coordinate from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex
+    has its variance. `covariance_m2`: the upper triangle of the covariance of these `size` coordinates, row by row,
+    32-bit floats, the least significant byte first, in base64."""
 
     size: Annotated[int, Field(ge=1, le=20000)]
     coordinates: dict[str, dict[str, list[tuple[Slot, Slot, Slot]]]]
@@ -178,8 +180,8 @@ class RowEntry(_Part):
 
 
 class PlacementEntry(_Part):
-    """Where a row's frame stands in the site's: origin at (x, 0, z), x axis turned by the heading about y, counter-clockwise as
-    seen from above."""
+    """Where a row's frame stands in the site's: origin at (x, 0, z), x axis turned by the heading about y,
+    counter-clockwise as seen from above."""
 
     x_m: Metres
     z_m: Metres
@@ -188,7 +190,8 @@ class PlacementEntry(_Part):
 
 
 class MatchEntry(_Part):
-    """What two rows have in common; residual b - a in the site's frame, null along axes that the match does not measure."""
+    """What two rows have in common; residual b - a in the site's frame, null along axes that the match does not
+    measure."""
 
     row_a: str
     row_b: str
@@ -199,8 +202,8 @@ class MatchEntry(_Part):
 
 
 class AlignmentResidualEntry(_Part):
-    """A place of the map that the user knows: where it is given less where the map has it, null along axes that are not given; of a line,
-    across it. `deviation`: in standard deviations."""
+    """A place of the map that the user knows: where it is given less where the map has it, null along axes that are not
+    given; of a line, across it. `deviation`: in standard deviations."""
 
     row: str
     at: str
@@ -211,7 +214,8 @@ class AlignmentResidualEntry(_Part):
 
 
 class AlignmentEntry(_Part):
-    """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from the world's x axis."""
+    """Where the site stands in the user's world (z up): the site's x axis points `heading_deg` counter-clockwise from
+    the world's x axis."""
 
     x_m: WorldMetres
     y_m: WorldMetres

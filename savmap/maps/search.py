@@ -24,8 +24,9 @@ PARTING = re.compile(r"\s*[/,;:]\s*|\s+(?:of|in|on)\s+")
 NUMBERED = re.compile(r"([^\W\d_]+)[\s_]*(\d{1,9})(?!\d)")
 LONGEST_NAME, MOST_LABELS = 500, 8
 GUESSED_M, TIMES_WORSE = 0.1, 3.0
-"""A vertex of which a coordinate has a larger standard deviation than this, m, and so many times that of a vertex of the same structure, is a guess,
-such as the top of a post that no picture shows: where its structure is, it does not tell."""
+"""A vertex of which a coordinate has a larger standard deviation than this, m, and so many times that of a vertex of
+the same structure, is a guess, such as the top of a post that no picture shows: where its structure is, it does not
+tell."""
 NO_EDGES = np.zeros((0, 2), dtype=np.int64)
 InRow = tuple[str, Structure]
 Places = Mapping[str, Mapping[str, Sequence[Structure]]]
@@ -35,10 +36,11 @@ Places = Mapping[str, Mapping[str, Sequence[Structure]]]
 @dataclass(frozen=True, eq=False)
 @array_record
 class SearchHit:
-    """A structure of a row: the mean (3,) m of those of its vertices that were measured, in the row's frame and, where that is known, in the site's
-    and the user's world's; its standard deviations (3,) m along the row's axes; and what these vertices are called and the others are not, such as
-    "bottom": empty where all were measured. `slot`: of what is written somewhere, the place that it names: the level on whose beam, or in whose
-    opening, it hangs; the whole bay, where it hangs beside that."""
+    """A structure of a row: the mean (3,) m of those of its vertices that were measured, in the row's frame and, where
+    that is known, in the site's and the user's world's; its standard deviations (3,) m along the row's axes; and what
+    these vertices are called and the others are not, such as "bottom": empty where all were measured. `slot`: of what
+    is written somewhere, the place that it names: the level on whose beam, or in whose opening, it hangs; the whole
+    bay, where it hangs beside that."""
 
     row: str
     structure: Structure
@@ -62,10 +64,10 @@ class SearchHit:
 
 
 def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dict) -> list[SearchHit]:
-    """The structures whose id, text or code is `name`, whatever its case; else those, their vertices and the places between structures (`places`,
-    asked for where they are needed), that it describes: "bay 2", "beam 2", "level 3 of bay 2", "row B, bay 2"; a section is a bay. Of what it
-    describes, the largest is meant: the bay, not each of its parts. Raises SiteError, with the nearest names, if there are none, and for an empty
-    name."""
+    """The structures whose id, text or code is `name`, whatever its case; else those, their vertices and the places
+    between structures (`places`, asked for where they are needed), that it describes: "bay 2", "beam 2", "level 3 of
+    bay 2", "row B, bay 2"; a section is a bay. Of what it describes, the largest is meant: the bay, not each of its
+    parts. Raises SiteError, with the nearest names, if there are none, and for an empty name."""
     if not name.strip():
         raise SiteError("the name to find is empty: give an id, or what is written on a structure")
     mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
@@ -174,7 +176,8 @@ def _terms(name: str) -> list[str]:
 
 
 def _fits(structure: Structure, term: str) -> bool:
-    """Whether a term is a part of a structure's id, its label, or says one of its attributes: "bay 2", where that is text or number."""
+    """Whether a term is a part of a structure's id, its label, or says one of its attributes: "bay 2", where that is
+    text or number."""
     values = {_plain(key): value for key, value in structure.attributes.items()}
     texts = [value for value in values.values() if isinstance(value, str)]
     word, _, number = _plain(term).rpartition(" ")

@@ -9,12 +9,13 @@ from savmap.graph import Landmark, Solution
 from savmap.types import Floats, Ints, JointCovariance, Structure
 
 SAME_M, SAME_SIGMA_M = 1e-3, 5e-4
-"""Coordinates that are nearer to one another, and known to be so, are one: edges that all of a level's beams share, to 0.1 mm."""
+"""Coordinates that are nearer to one another, and known to be so, are one: edges that all of a level's beams share, to
+0.1 mm."""
 
 
 def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: Solution) -> JointCovariance | None:
-    """Of all coordinates of vertices that are, bit by bit, a landmark's of their plugin, with its variance; others are taken for independent.
-    None where there is no such coordinate."""
+    """Of all coordinates of vertices that are, bit by bit, a landmark's of their plugin, with its variance; others are
+    taken for independent. None where there is no such coordinate."""
     place = {key: 3 * number for number, key in enumerate(solution.covariance.keys)}
     positions = np.full(3 * len(place), np.nan)
     found: dict[str, dict[str, Ints]] = {}
@@ -42,7 +43,8 @@ def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: So
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """A plugin's landmarks: places (m, 3) of their coordinates in the solve's covariance, positions (m, 3) m and variances (m, 3) m^2."""
+    """A plugin's landmarks: places (m, 3) of their coordinates in the solve's covariance, positions (m, 3) m and
+    variances (m, 3) m^2."""
 
     slots: Ints
     positions: Floats
@@ -56,7 +58,8 @@ class _Points:
         return cls(first[:, None] + np.arange(3), positions, variances)
 
     def slots_of(self, structure: Structure) -> Ints:
-        """For each vertex and axis (v, 3) the place of the landmark's coordinate that has this position and variance; -1: none has."""
+        """For each vertex and axis (v, 3) the place of the landmark's coordinate that has this position and variance;
+        -1: none has."""
         variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
         alike = (structure.vertices[:, None] == self.positions) & (variances[:, None] == self.variances)
         slots: Ints = np.where(alike.any(axis=1), self.slots[alike.argmax(axis=1), np.arange(3)], -1)

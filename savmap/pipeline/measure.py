@@ -50,7 +50,8 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
-    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and what was cut of it."""
+    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and
+    what was cut of it."""
 
     features: Mapping[str, Sequence[Feature]]
     packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
@@ -75,8 +76,8 @@ FrameJournal = Journal[FrameRecord]
 
 @dataclass(frozen=True, eq=False)
 class WalkJournal:
-    """What a journal has of one walk over the frames of a pass; nothing without one. What is measured once one of the plugins has failed is
-    not kept: it is tried again next time."""
+    """What a journal has of one walk over the frames of a pass; nothing without one. What is measured once one of the
+    plugins has failed is not kept: it is tried again next time."""
 
     journal: FrameJournal | None
     walk: str
@@ -97,10 +98,11 @@ class WalkJournal:
 
 @dataclass(frozen=True, eq=False)
 class RowMeasurements:
-    """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is known, the
-    plugins that found the face and so locate the camera, the markers, and points that were followed. `failed`: by plugin, how it
-    failed, where the row is mapped without it. `doubts`: what of the footage speaks against what was measured. `depths`: how deep flat
-    parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the decoder left out, as the notes say."""
+    """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
+    known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
+    `failed`: by plugin, how it failed, where the row is mapped without it. `doubts`: what of the footage speaks against
+    what was measured. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how
+    many frames the decoder left out, as the notes say."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -117,8 +119,8 @@ class RowMeasurements:
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
-    """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one recording with
-    one time are one picture, whichever pass they belong to."""
+    """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one
+    recording with one time are one picture, whichever pass they belong to."""
     sources = [(row_pass.video, row_pass.rate) if is_folder(row_pass.video) else row_pass.video for row_pass in passes]
     return dict(zip(pass_names(passes), sources, strict=True))
 
@@ -136,8 +138,9 @@ def frames_of(passes: Sequence[Pass]) -> int:
 class MeasuredPasses:
     """What was measured in all passes of a row.
 
-    plans: the views of each pass. packed_views: by plugin, for those whose structure lies in planes. plugins: with the networks that were
-    used. strips: for an orthophoto. floor: views of the floor, whose specifications are in `floor_views`.
+    plans: the views of each pass. packed_views: by plugin, for those whose structure lies in planes. plugins: with the
+    networks that were used. strips: for an orthophoto. floor: views of the floor, whose specifications are in
+    `floor_views`.
     """
 
     measurements: RowMeasurements
@@ -164,8 +167,9 @@ def measure_row(
     """Features of all plugins over all passes of a row.
 
     attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
-    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an orthophoto; stills: whether to keep panoramas to be
-    looked at; journal: keeps what is measured, and has what a run that was cut off measured.
+    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an
+    orthophoto; stills: whether to keep panoramas to be looked at; journal: keeps what is measured, and has what a run
+    that was cut off measured.
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
@@ -219,7 +223,8 @@ def rendered(
     monitor: Monitor,
     text: str,
 ) -> Iterator[tuple[Panorama, Item]]:
-    """The frames of a clip, numbered from `first`, with what is rendered of them, which other threads do ahead of their turn."""
+    """The frames of a clip, numbered from `first`, with what is rendered of them, which other threads do ahead of their
+    turn."""
     total = expected_frames(clip, probe(clip.path, clip.images_fps))
     with ThreadPoolExecutor(WORKERS) as pool:
         ahead = ((panorama, pool.submit(render, panorama)) for panorama in panoramas(clip, first, report))
@@ -229,7 +234,8 @@ def rendered(
 
 
 class RowWalk:
-    """Walks through a row's passes, frame by frame, and gathers what the plugins extract. Frames that the journal has are only decoded."""
+    """Walks through a row's passes, frame by frame, and gathers what the plugins extract. Frames that the journal has
+    are only decoded."""
 
     def __init__(
         self,
@@ -297,8 +303,8 @@ class RowWalk:
             self.notes.append(f"{plan.clip.path}: {report.text()}")
 
     def _render(self, panorama: Panorama, plan: PassPlan, kept: WalkJournal) -> tuple[list[View], list[Cut]]:
-        """A panorama's views, about which the networks have been asked, and what is cut of it. Several threads may do this at once. Of a
-        frame that is kept, only the views are needed in which points are followed."""
+        """A panorama's views, about which the networks have been asked, and what is cut of it. Several threads may do
+        this at once. Of a frame that is kept, only the views are needed in which points are followed."""
         is_kept = kept.get(panorama.frame) is not None
         if is_kept and isinstance(self.flow, NullFlowTracker):
             return [], []

@@ -1,8 +1,9 @@
 """Which of a plugin's networks looks at a row: the one that sees more of the structure in the first pass.
 
-A network that was trained on one kind of pictures may hardly see the structure in another. A plugin may come with further networks
-(`further_models` of its class); they are asked about the same views, in a few frames, and one takes the place of the plugin's own where
-it sees clearly more, or where the plugin's own does not find the structure at all. A network that the user names is left alone.
+A network that was trained on one kind of pictures may hardly see the structure in another. A plugin may come with
+further networks (`further_models` of its class); they are asked about the same views, in a few frames, and one takes
+the place of the plugin's own where it sees clearly more, or where the plugin's own does not find the structure at all.
+A network that the user names is left alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +25,8 @@ from savmap.vision.views import Renderer
 
 FRAMES = 6
 CLEARLY, MOST_LOST, LEAST_SHARE = 1.17, 0.8, 1e-3
-"""A further network may be set to see faint things (logits raised in training): up to a sixth more of what both see well is no more seen."""
+"""A further network may be set to see faint things (logits raised in training): up to a sixth more of what both see
+well is no more seen."""
 
 Candidate = tuple[LoadedPlugin, SegmenterPool]
 """A plugin with one of its networks, opened."""
@@ -40,10 +42,12 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
 def with_best_networks(
     name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], renderer: Renderer, attitude: Floats | None
 ) -> tuple[Sequence[LoadedPlugin], PassPlan]:
-    """The plugins with the networks that see most in a pass, the first, and the views that they want of it, asked in the order of `face_first`. The
-    attitude that one finds is given to those after it (`attitude`: world_from_rig (3, 3) of the first frame, where it is known).
+    """The plugins with the networks that see most in a pass, the first, and the views that they want of it, asked in
+    the order of `face_first`. The attitude that one finds is given to those after it (`attitude`: world_from_rig (3, 3)
+    of the first frame, where it is known).
 
-    Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are no panoramas.
+    Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are
+    no panoramas.
     """
     preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, preview.keys)
@@ -58,7 +62,8 @@ def with_best_networks(
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:
-    """The plugin with the network that sees most in a pass. Raises StructureError where it finds no structure with any of its networks."""
+    """The plugin with the network that sees most in a pass. Raises StructureError where it finds no structure with any
+    of its networks."""
     if not further_models(plugin):
         return plugin
     (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], renderer, None)
@@ -74,8 +79,8 @@ def choices_told(plugins: Sequence[LoadedPlugin]) -> list[str]:
 def with_best_network(
     plugin: LoadedPlugin, preview: PassPreview, plan: Callable[[Candidate], ViewPlan]
 ) -> tuple[LoadedPlugin, ViewPlan]:
-    """The plugin with one of its networks, and what it plans with that: its own, or the first with which it finds the structure,
-    unless another sees clearly more in the same views. Raises StructureError where none finds it."""
+    """The plugin with one of its networks, and what it plans with that: its own, or the first with which it finds the
+    structure, unless another sees clearly more in the same views. Raises StructureError where none finds it."""
     missed: StructureError | None = None
     others = further_models(plugin)
     for loaded in (plugin, *(replace(plugin, network=model) for model in others)):

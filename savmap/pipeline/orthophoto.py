@@ -1,8 +1,8 @@
 """Orthophotos: a face mosaicked from the strips of all frames, on its plane, once the camera's path is solved.
 
-An average over many frames is sharp only in the plane itself, and goods stand before or behind it. So each cell is taken from the frame
-that shows it under the largest solid angle: near and frontal. Frames are blended only along the seams between them. Their exposures are
-equalised in the overlap of neighbours.
+An average over many frames is sharp only in the plane itself, and goods stand before or behind it. So each cell is
+taken from the frame that shows it under the largest solid angle: near and frontal. Frames are blended only along the
+seams between them. Their exposures are equalised in the overlap of neighbours.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,9 +34,11 @@ JPEG_QUALITY = 88
 
 
 def orthophoto(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Orthophoto | None:
-    """The orthophoto of a face, from strips whose frames were taken along a path. Face and path are in metres. None where no strip shows it.
+    """The orthophoto of a face, from strips whose frames were taken along a path. Face and path are in metres. None
+    where no strip shows it.
 
-    A pixel is `FINEST_M` wide, or as wide as a strip's pixel on the face if that is more. It is wider where the picture would be too large.
+    A pixel is `FINEST_M` wide, or as wide as a strip's pixel on the face if that is more. It is wider where the picture
+    would be too large.
     """
     shots = list(shots_of(face, strips, path))
     if not shots:
@@ -98,8 +100,9 @@ def pixel_m(face: PlanePatch, shots: Sequence[Shot]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """The cells of a face, `rows` by `columns` from the upper left, for the choice of seams. A cell has `times` by `times` pixels of `pixel` m.
-    `corner` (2,) m: the lower left corner of the canvas, right of and above the face's origin."""
+    """The cells of a face, `rows` by `columns` from the upper left, for the choice of seams. A cell has `times` by
+    `times` pixels of `pixel` m. `corner` (2,) m: the lower left corner of the canvas, right of and above the face's
+    origin."""
 
     face: PlanePatch
     pixel: float
@@ -175,8 +178,8 @@ class Canvas:
         return part, owners[top:bottom, left:right]
 
     def pixels_from_part(self, shot: Shot, top: int, left: int, size: float) -> Floats:
-        """Homography (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that of a cell, to
-        pixels of a shot."""
+        """Homography (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that
+        of a cell, to pixels of a shot."""
         x, y = self.corner + self.cell * np.array([left, self.rows - top])
         face_from_part = np.array([[size, 0, x + size / 2], [0, -size, y - size / 2], [0, 0, 1.0]])
         return np.asarray(shot.pixels_from_face @ face_from_part)
@@ -210,7 +213,8 @@ def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
 
 
 def _ratio(canvas: Canvas, first: Shot, second: Shot) -> Floats | None:
-    """The median log ratio (3,) of the second shot's colours to the first's, in their overlap. None where that is too small."""
+    """The median log ratio (3,) of the second shot's colours to the first's, in their overlap. None where that is too
+    small."""
     first_columns, second_columns = canvas.near(first), canvas.near(second)
     columns = slice(max(first_columns.start, second_columns.start), min(first_columns.stop, second_columns.stop))
     if columns.start >= columns.stop:
@@ -262,7 +266,8 @@ def _around(owned: NDArray[np.bool_], margin: int) -> tuple[slice, slice]:
 
 
 def _share(owned: NDArray[np.bool_], fade: int, times: int) -> Singles:
-    """A shot's weight in each pixel: 1 in the cells that it owns, falling to 0 over `fade` cells around their border."""
+    """A shot's weight in each pixel: 1 in the cells that it owns, falling to 0 over `fade` cells around their
+    border."""
     blurred = cv2.blur(owned.astype(np.float32), (2 * fade + 1, 2 * fade + 1), borderType=cv2.BORDER_REPLICATE)
     size = (owned.shape[1] * times, owned.shape[0] * times)
     return np.asarray(cv2.resize(blurred, size, interpolation=cv2.INTER_LINEAR), np.float32)

@@ -46,8 +46,8 @@ def _tile(panorama: Panorama, spec: ViewSpec, renderer: Renderer, height: int) -
 def previews(
     row: str, passes: Sequence[Pass], plugins: Sequence[LoadedPlugin], folder: Path, attitudes: Mapping[str, Floats]
 ) -> Iterator[Path]:
-    """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written. `attitudes`:
-    world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
+    """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written.
+    `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
     segmenters = SegmenterPool(plugins)
     for name, one in zip(pass_names(passes), passes, strict=True):
         path = folder / picture_name(row, name)

@@ -14,10 +14,10 @@ from savmap.types import PlanePatch, RowStrips, Structure, Track, Trajectory
 class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
-    `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated. `appearance`: whether
-    points of any kind help with the camera's motion. `measurements`: what an earlier run measured, if it is still valid. `strips`: whether
-    strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at. `journal`: keeps what is measured in
-    single frames, for a run that is cut off.
+    `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated.
+    `appearance`: whether points of any kind help with the camera's motion. `measurements`: what an earlier run
+    measured, if it is still valid. `strips`: whether strips of the frames are kept for an orthophoto; `stills`: whether
+    panoramas are, to be looked at. `journal`: keeps what is measured in single frames, for a run that is cut off.
     """
 
     name: str
@@ -58,7 +58,8 @@ class LocatedRow(MeasuredRow):
 
 @dataclass(frozen=True, eq=False)
 class TrackedRow(LocatedRow):
-    """A located row with tracks and constraints by plugin, constraints of markers and motion, notes, and figures for the report."""
+    """A located row with tracks and constraints by plugin, constraints of markers and motion, notes, and figures for
+    the report."""
 
     tracks: Mapping[str, Sequence[Track]]
     constraints: Mapping[str, Constraints]

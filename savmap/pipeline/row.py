@@ -35,8 +35,8 @@ ROOM_M = 0.3
 
 
 def map_rows(requests: Sequence[RowRequest], monitor: Monitor) -> list[RowMap | SavmapError]:
-    """Maps of rows, solved together where they are seen in the same frames (paper, section III). A row that cannot be mapped comes
-    back as its error, and the others are mapped without it."""
+    """Maps of rows, solved together where they are seen in the same frames (paper, section III). A row that cannot be
+    mapped comes back as its error, and the others are mapped without it."""
     measured = each(requests, lambda row: measure(row, monitor))
     located = each(measured, locate)
     tracked = each(located, lambda row: track(row, monitor))
@@ -47,7 +47,8 @@ def map_rows(requests: Sequence[RowRequest], monitor: Monitor) -> list[RowMap | 
 
 
 def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After]) -> list[After | SavmapError]:
-    """What a step gives for each item. An item that is an error stays; an expected error of the step stands for its item."""
+    """What a step gives for each item. An item that is an error stays; an expected error of the step stands for its
+    item."""
     results: list[After | SavmapError] = []
     for item in items:
         try:
@@ -58,8 +59,8 @@ def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After])
 
 
 def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
-    """Render the views, detect, and extract features; once more where the evidence of all frames together shows other structures
-    than single frames do. The only walks over the pixels. Raises SavmapError."""
+    """Render the views, detect, and extract features; once more where the evidence of all frames together shows other
+    structures than single frames do. The only walks over the pixels. Raises SavmapError."""
     if row.measurements is not None:
         return MeasuredRow(row, row.measurements)
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
@@ -90,8 +91,9 @@ def locate(row: MeasuredRow) -> LocatedRow:
 def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
     """Every plugin's tracks and constraints, the markers' and the floor's.
 
-    What the first plugin tracks locates the camera for those after it, with an assumed scale where only these give it. One of these
-    that finds no structure is left out of the map with a note. Raises StructureError where the first one finds none.
+    What the first plugin tracks locates the camera for those after it, with an assumed scale where only these give it.
+    One of these that finds no structure is left out of the map with a note. Raises StructureError where the first one
+    finds none.
     """
     tracks: dict[str, Sequence[Track]] = {}
     constraints: dict[str, Constraints] = {}
@@ -133,7 +135,8 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
 
 
 def constrain(row: TrackedRow, monitor: Monitor) -> PosedRow:
-    """All constraints and references as one problem for the graph. Raises SiteError for a reference to what was not found."""
+    """All constraints and references as one problem for the graph. Raises SiteError for a reference to what was not
+    found."""
     problem = graph.merge(row.frames, *row.constraints.values(), *row.camera_constraints)
     monitor.note(f"row {row.request.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
     return PosedRow(**vars(row), problem=problem)
@@ -204,13 +207,15 @@ def collect(row: DescribedRow) -> RowMap:
 
 
 def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasurements) -> Iterator[LoadedPlugin]:
-    """The plugins to be tracked: those that found the face come first, for what they see locates the camera for the others."""
+    """The plugins to be tracked: those that found the face come first, for what they see locates the camera for the
+    others."""
     healthy = (plugin for plugin in plugins if plugin.name not in measurements.failed)
     yield from sorted(healthy, key=lambda plugin: plugin.name not in measurements.locators)
 
 
 def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None) -> list[Track]:
-    """One plugin's tracks. `path`: where the camera was, where that is known. Raises StructureError where it finds no structure."""
+    """One plugin's tracks. `path`: where the camera was, where that is known. Raises StructureError where it finds no
+    structure."""
     require_path(row.request.name, plugin, path)
     features, attitudes = row.measurements.features[plugin.name], row.start.world_from_rig[:, :3, :3]
     return plugin.track(features, row.measurements.facts, attitudes, path)
@@ -219,8 +224,8 @@ def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None)
 def constrain_plugin(
     plugin: LoadedPlugin, tracks: Sequence[Track], row: LocatedRow, path: Trajectory | None
 ) -> Constraints:
-    """One plugin's constraints. Raises SiteError or StructureError where the tracks do not fit what is given of the row. The message says where
-    frames are missing, for a gap splits structures or joins them."""
+    """One plugin's constraints. Raises SiteError or StructureError where the tracks do not fit what is given of the
+    row. The message says where frames are missing, for a gap splits structures or joins them."""
     facts = row.measurements.facts
     try:
         return plugin.constrain(tracks, facts, path or row.start)
@@ -230,7 +235,8 @@ def constrain_plugin(
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
-    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's path."""
+    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's
+    path."""
     if plugin.needs_path and path is None:
         raise StructureError(
             f"row {row}: `{plugin.name}` alone does not locate the camera: add a plugin that maps the face "
@@ -239,8 +245,8 @@ def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> Non
 
 
 def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[Trajectory, bool]:
-    """Where the camera was, by the constraints known so far: well enough to look for other structures; and whether its scale is
-    assumed, for want of a reference to what was tracked so far."""
+    """Where the camera was, by the constraints known so far: well enough to look for other structures; and whether its
+    scale is assumed, for want of a reference to what was tracked so far."""
     problem = graph.merge(row.frames, *constraints, partial=True)
     located = graph.locate_camera(problem, sigmas=bool(row.measurements.flows))
     return located.path, bool(located.assumed)
@@ -274,8 +280,8 @@ def note_of(told: graph.ToldDepth, row: str) -> str:
 def motion_constraints(
     row: LocatedRow, constraints: Sequence[Constraints], path: Trajectory | None
 ) -> tuple[tuple[Constraints, ...], Mapping[str, int]]:
-    """What points of no structure say of the camera's motion where they agree with the structures' path, and their counts; nothing
-    where an earlier map gives the path."""
+    """What points of no structure say of the camera's motion where they agree with the structures' path, and their
+    counts; nothing where an earlier map gives the path."""
     if row.request.path is not None or not row.measurements.flows:
         return (), {}
     problem = graph.merge(row.frames, *constraints)

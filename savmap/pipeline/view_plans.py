@@ -1,4 +1,5 @@
-"""Which views of a pass are looked at: each plugin is asked in turn, and what one finds of the face is told to those after it."""
+"""Which views of a pass are looked at: each plugin is asked in turn, and what one finds of the face is told to those
+after it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +17,8 @@ from savmap.vision.views import Renderer
 
 @dataclass(frozen=True, eq=False)
 class PassPlan:
-    """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on, where it is given;
-    `doubts`: what speaks against its pictures."""
+    """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on,
+    where it is given; `doubts`: what speaks against its pictures."""
 
     name: str
     clip: Clip
@@ -68,9 +69,11 @@ def plan_pass(
     renderer: Renderer,
     attitude: Floats | None,
 ) -> tuple[PassPlan, PassPreview]:
-    """Ask every plugin for its views of a pass, in the order of `face_first`. The attitude that one finds is given to those after it.
+    """Ask every plugin for its views of a pass, in the order of `face_first`. The attitude that one finds is given to
+    those after it.
 
-    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no panoramas.
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no
+    panoramas.
     """
     pass_preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, pass_preview.keys)
@@ -83,7 +86,8 @@ def plan_pass(
 
 
 def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:
-    """The plugins, those first that may find the face, in whatever order they are named: the others' views are turned along it."""
+    """The plugins, those first that may find the face, in whatever order they are named: the others' views are turned
+    along it."""
     return sorted(plugins, key=lambda plugin: plugin.needs_path)
 
 

@@ -1,4 +1,5 @@
-"""The door for plugins, and the one place that their authors import from: docs/writing-plugins.md says what each name is for.
+"""The door for plugins, and the one place that their authors import from: docs/writing-plugins.md says what each name
+is for.
 
 A name is looked up when it is first used, so that `savmap --help` does not import the factor graph.
 """

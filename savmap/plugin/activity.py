@@ -13,8 +13,8 @@ _current: ContextVar[tuple[str, str]] = ContextVar("current", default=IDLE)
 def set_sink(sink: Sink | None) -> None:
     """Report the calls of hooks in this process to `sink(plugin, hook)`; None: to nobody.
 
-    It is called when a hook begins, and with two empty strings when it ends. When a hook that another one asked for ends
-    (`detect` within `render_views`), it is called with the outer one, which is at work again.
+    It is called when a hook begins, and with two empty strings when it ends. When a hook that another one asked for
+    ends (`detect` within `render_views`), it is called with the outer one, which is at work again.
     """
     global _sink
     _sink = sink

@@ -1,4 +1,5 @@
-"""What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it finds."""
+"""What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it
+finds."""
 
 import json
 import re
@@ -92,7 +93,8 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
 
 
 def check_patches(patches: Sequence[PlanePatch]) -> None:
-    """Patches of different names, finite, of a size that memory holds, with sides that are unit vectors at right angles."""
+    """Patches of different names, finite, of a size that memory holds, with sides that are unit vectors at right
+    angles."""
     _require_distinct((patch.name for patch in patches), "planes with the name")
     for patch in patches:
         where = f"plane `{patch.name}`"
@@ -112,7 +114,8 @@ def check_expected(expected: Sequence[Expected], classes: Sequence[str]) -> None
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
-    """Parts of the plugin's own landmarks, parallel and across their axis, finite, and no two answers for one coordinate."""
+    """Parts of the plugin's own landmarks, parallel and across their axis, finite, and no two answers for one
+    coordinate."""
     _require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
     for flat in flats:
         where = f"flat parts at `{flat.landmark}`"
@@ -127,8 +130,8 @@ def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -
 
 
 def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory) -> None:
-    """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that GTSAM can use.
-    Raises PluginFailedError for a factor or relation that it cannot."""
+    """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that
+    GTSAM can use. Raises PluginFailedError for a factor or relation that it cannot."""
     from savmap.graph import require_valid_constraints  # keeps `savmap --help` fast
 
     require(constraints.plugin == plugin, f"constraints of `{constraints.plugin}`")
@@ -145,7 +148,8 @@ def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory
 
 
 def check_structures(structures: Sequence[Structure]) -> None:
-    """Structures of different ids and with a vertex or more, whose numbers are finite and whose attributes go into map.json."""
+    """Structures of different ids and with a vertex or more, whose numbers are finite and whose attributes go into
+    map.json."""
     _require_distinct((structure.id for structure in structures), "structures with the id")
     for structure in structures:
         where = f"structure `{structure.id}`"

@@ -1,4 +1,5 @@
-"""Contract tests: what the engine relies on, tried on a plugin's class with random masks and in a small made-up place."""
+"""Contract tests: what the engine relies on, tried on a plugin's class with random masks and in a small made-up
+place."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -38,10 +39,10 @@ POST_M, STRIP_M, SLAB_M = (0.1, 2.2, 0.1), (1.2, 0.06, 0.12), (1.0, 0.02, 0.3)
 def check_plugin(plugin_class: type[Plugin], require_model: bool = True) -> None:
     """Raise AssertionError with every clause of the contract that the plugin's class breaks.
 
-    Each required hook is asked: `render_views` with and without detections, `extract_features` with none and with masks of any
-    shape, `track` without features, and, where `track` takes the objects of a made-up place for its own, `constrain`, the solve,
-    `describe` and the hooks after it. require_model: whether the network's file must be there (a plugin under construction may
-    lack it).
+    Each required hook is asked: `render_views` with and without detections, `extract_features` with none and with masks
+    of any shape, `track` without features, and, where `track` takes the objects of a made-up place for its own,
+    `constrain`, the solve, `describe` and the hooks after it. require_model: whether the network's file must be there
+    (a plugin under construction may lack it).
     """
     faults = list(class_faults(plugin_class))
     if not faults:
@@ -55,7 +56,8 @@ def check_plugin(plugin_class: type[Plugin], require_model: bool = True) -> None
 
 
 def _views_are_chosen(plugin: LoadedPlugin) -> Iterator[str]:
-    """Views are chosen, or refused in the plugin's own words, whatever the network gives and whether the attitude is known."""
+    """Views are chosen, or refused in the plugin's own words, whatever the network gives and whether the attitude is
+    known."""
     for attitude in (None, _path().world_from_rig[0, :3, :3]):
         for predict in (_predict_nothing, _predictor(plugin)):
             yield from _failures(lambda: plugin.render_views(_preview(), predict, None, {}, attitude))  # noqa: B023
@@ -67,7 +69,8 @@ def _nothing_gives_no_features(plugin: LoadedPlugin) -> Iterator[str]:
 
 
 def _features_fit(plugin: LoadedPlugin) -> Iterator[str]:
-    """Whatever a mask looks like, features are of its frame and view and of a class of the plugin, and the same ones when it is asked again."""
+    """Whatever a mask looks like, features are of its frame and view and of a class of the plugin, and the same ones
+    when it is asked again."""
     found: list[list[Feature]] = []
     for seed in (*range(4), *range(4)):
         detections = [_random_detection(label, seed) for label in plugin.classes]
@@ -91,7 +94,8 @@ def _nothing_gives_no_tracks(plugin: LoadedPlugin) -> Iterator[str]:
 
 
 def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
-    """Posts, strips on the ceiling or slabs on the floor, whatever the plugin's views show, from features to structures."""
+    """Posts, strips on the ceiling or slabs on the floor, whatever the plugin's views show, from features to
+    structures."""
     from savmap.graph import check_jacobians  # with its own weight; only where it is needed
 
     spec = _spec(plugin)
@@ -223,7 +227,8 @@ def _place_detections(classes: Sequence[str], spec: ViewSpec, frame: int) -> lis
 
 
 def _boxes(spec: ViewSpec) -> list[Floats]:
-    """Corners (8, 3) m of three boxes: on the ceiling for a view upwards, lying on the floor for one downwards, else standing there."""
+    """Corners (8, 3) m of three boxes: on the ceiling for a view upwards, lying on the floor for one downwards, else
+    standing there."""
     up = float((_path().world_from_rig[0, :3, :3] @ spec.rig_from_view)[1, 2])
     size, y, z = (STRIP_M, CEILING_M, DISTANCE_M) if up > 0.7 else (SLAB_M, SLAB_M[1] / 2, 0.8)
     if abs(up) <= 0.7:

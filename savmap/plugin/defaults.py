@@ -27,7 +27,8 @@ MIN_PIXELS = 12
 
 @hookimpl(trylast=True)
 def detect(view: View, segmenter: "Segmenter", thresholds: Thresholds) -> list[Detection]:
-    """Connected regions of the network's classes above the thresholds, instance by instance where it tells them apart."""
+    """Connected regions of the network's classes above the thresholds, instance by instance where it tells them
+    apart."""
     return segmenter.detections(view.image, thresholds, MIN_PIXELS)
 
 

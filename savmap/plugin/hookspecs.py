@@ -1,7 +1,7 @@
 """The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
 
-`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last two is asked of one plugin at a time. A plugin
-must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
+`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last two is asked of one plugin at a
+time. A plugin must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -58,9 +58,9 @@ def render_views(
 ) -> ViewPlan:
     """View rendering: which views of one pass are cut for this plugin.
 
-    `pass_preview` has key frames of the pass, `predict` runs the plugin's network on a view, `side` is the hand that the site
-    file says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig (3, 3) of the
-    first key frame if an earlier plugin or map knows it.
+    `pass_preview` has key frames of the pass, `predict` runs the plugin's network on a view, `side` is the hand that
+    the site file says the face is on, `manual` its hand-aimed views by name (they win), and `attitude` world_from_rig
+    (3, 3) of the first key frame if an earlier plugin or map knows it.
     """
 
 
@@ -84,29 +84,30 @@ def extract_features(view: View, detections: Sequence[Detection], panorama: Pano
 def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None) -> list[Track]:
     """Tracking: which features of which frames are one physical point.
 
-    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them (never None for a
-    plugin that declares `needs_path`). Raises StructureError where there is nothing to map.
+    `attitudes` (n, 3, 3): world_from_rig; `start`: first poses, where an earlier plugin or map gave them (never None
+    for a plugin that declares `needs_path`). Raises StructureError where there is nothing to map.
     """
 
 
 @hookspec(firstresult=True)
 def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
-    """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the plugin's landmarks,
-    by name, and asked once more with the solved ones: then the first plane is the face of the orthophoto. Asked of plugins that find
-    the face. Default: none, nothing is looked at again, and there is no orthophoto."""
+    """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the
+    plugin's landmarks, by name, and asked once more with the solved ones: then the first plane is the face of the
+    orthophoto. Asked of plugins that find the face. Default: none, nothing is looked at again, and there is no
+    orthophoto."""
 
 
 @hookspec(firstresult=True)
 def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None) -> list[Expected]:
-    """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then every frame is
-    measured again, with these in mind. `floor`: the y of the floor before the first upright plane; None where the pictures do not tell it. Default: none,
-    what was tracked is right."""
+    """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then
+    every frame is measured again, with these in mind. `floor`: the y of the floor before the first upright plane; None
+    where the pictures do not tell it. Default: none, what was tracked is right."""
 
 
 @hookspec(firstresult=True)
 def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
-    """Depth: flat parts of the structure whose depth its edges hardly tell, but what shows on them may; `points`: first positions (3,) of
-    the plugin's landmarks, by name. Asked of plugins that find the face. Default: none."""
+    """Depth: flat parts of the structure whose depth its edges hardly tell, but what shows on them may; `points`: first
+    positions (3,) of the plugin's landmarks, by name. Asked of plugins that find the face. Default: none."""
 
 
 @hookspec(firstresult=True)
@@ -123,33 +124,35 @@ def describe(
 
 @hookspec(firstresult=True)
 def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
-    """The plugin's structures of a row again, in the same order, with attributes that say how they stand to what other plugins
-    mapped there (`others`, by plugin). Default: as they are."""
+    """The plugin's structures of a row again, in the same order, with attributes that say how they stand to what other
+    plugins mapped there (`others`, by plugin). Default: as they are."""
 
 
 @hookspec(firstresult=True)
 def doubt(structures: Sequence[Structure]) -> list[Doubt]:
-    """Trust: what of a row's structures is implausible, such as one of them out of proportion to its likes, where something may be missing.
-    A row with a doubt that is not `minor` is not `trusted` but to be checked by a person. Default: none."""
+    """Trust: what of a row's structures is implausible, such as one of them out of proportion to its likes, where
+    something may be missing. A row with a doubt that is not `minor` is not `trusted` but to be checked by a person.
+    Default: none."""
 
 
 @hookspec(firstresult=True)
 def openings(structures: Sequence[Structure]) -> list[Structure]:
-    """Comparison of two dates: the spaces between a row's structures whose clear width and height matter, as structures of a label of their
-    own. Default: none."""
+    """Comparison of two dates: the spaces between a row's structures whose clear width and height matter, as structures
+    of a label of their own. Default: none."""
 
 
 @hookspec(firstresult=True)
 def places(structures: Sequence[Structure], joint: JointCovariance | None) -> list[Structure]:
-    """Search and viewer: the places of a row that have a name and are no structure, such as what lies between two of them, as structures with an id
-    and a label of their own, and attributes that number them, or say how large they are (`Measured`). `joint`: what the errors of the structures'
-    vertices share; None where that is not known. Default: none."""
+    """Search and viewer: the places of a row that have a name and are no structure, such as what lies between two of
+    them, as structures with an id and a label of their own, and attributes that number them, or say how large they are
+    (`Measured`). `joint`: what the errors of the structures' vertices share; None where that is not known. Default:
+    none."""
 
 
 @hookspec(firstresult=True)
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows give
-    the same position. Default: none."""
+    """Assembly of a site: which of a row's structures other rows may have mapped too, and along which axes both rows
+    give the same position. Default: none."""
 
 
 @hookspec(firstresult=True)
@@ -159,10 +162,11 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Sco
 
 @hookspec(firstresult=True)
 def survey_entry(structures: Sequence[Structure]) -> "SurveyEntry":
-    """Import of a survey: what somebody measured of a row, as the plugin's keys of the row's entry in a survey file, which `evaluate` reads.
+    """Import of a survey: what somebody measured of a row, as the plugin's keys of the row's entry in a survey file,
+    which `evaluate` reads.
 
-    `structures`: elements of the plugin's classes in the row's frame, from a table or a drawing: points in any order, whose labels may be empty.
-    Default: nothing, the plugin takes no survey of that kind."""
+    `structures`: elements of the plugin's classes in the row's frame, from a table or a drawing: points in any order,
+    whose labels may be empty. Default: nothing, the plugin takes no survey of that kind."""
 
 
 @hookspec(firstresult=True)
@@ -179,8 +183,8 @@ def draw(
 def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts | None:
     """What a simulator should build for this plugin's section of a scene file.
 
-    `site` is the building, the rows' frames, and what the plugins before this one in the file have built: the rows' sizes and
-    their labelled fronts.
+    `site` is the building, the rows' frames, and what the plugins before this one in the file have built: the rows'
+    sizes and their labelled fronts.
     """
 
 
@@ -188,10 +192,10 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
 def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
     """What a random scene should hold of this plugin's structure. Default: None, nothing.
 
-    A plugin that sets `furnishes = True` is asked for every random place: first of an aisle without rows (`site.frames` is empty), where those
-    that make the rows' faces give them; those that gave None then are asked again, with rows, hall and goods known. Any other plugin is asked
-    for by name, of the furnished place. `drawn` is what the plugin gave for this place before: row A of it is wanted again, short
-    enough to be driven past (None: it is short enough).
+    A plugin that sets `furnishes = True` is asked for every random place: first of an aisle without rows (`site.frames`
+    is empty), where those that make the rows' faces give them; those that gave None then are asked again, with rows,
+    hall and goods known. Any other plugin is asked for by name, of the furnished place. `drawn` is what the plugin gave
+    for this place before: row A of it is wanted again, short enough to be driven past (None: it is short enough).
     """
 
 

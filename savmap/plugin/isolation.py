@@ -1,4 +1,5 @@
-"""Plugins that may fail without harm to the others: after its first failure, a plugin is asked no more and gives nothing."""
+"""Plugins that may fail without harm to the others: after its first failure, a plugin is asked no more and gives
+nothing."""
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,8 +28,8 @@ class IsolatedPlugin(LoadedPlugin):
         return self.failures[0] if self.failures else None
 
     def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
-        """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still raised, but not
-        where another hook of its own failed meanwhile."""
+        """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still
+        raised, but not where another hook of its own failed meanwhile."""
         if not self.failures:
             try:
                 return super()._ask(hook, expected, check, **arguments)

@@ -1,4 +1,5 @@
-"""Plugins at work: each with its settings, behind typed calls that check what came back and name the plugin that gave it."""
+"""Plugins at work: each with its settings, behind typed calls that check what came back and name the plugin that gave
+it."""
 
 import difflib
 import logging
@@ -59,8 +60,8 @@ def installed() -> dict[str, EntryPoint]:
 def load_class(name: str) -> Any:
     """The class of an installed plugin.
 
-    Raises PluginError when there is none of that name (with the nearest), when importing it fails, or when it lacks what every
-    plugin must have.
+    Raises PluginError when there is none of that name (with the nearest), when importing it fails, or when it lacks
+    what every plugin must have.
     """
     points = installed()
     if name not in points:
@@ -105,7 +106,8 @@ def load_installed() -> InstalledPlugins:
 
 
 def lacking(plugin_class: Any) -> tuple[str, ...]:
-    """The packages that a plugin's class names as its `libraries` and that are not installed: without them it does less."""
+    """The packages that a plugin's class names as its `libraries` and that are not installed: without them it does
+    less."""
     return tuple(name for name in getattr(plugin_class, "libraries", ()) if not _is_there(name))
 
 
@@ -119,12 +121,12 @@ def _is_there(package: str) -> bool:
 
 @dataclass(frozen=True)
 class LoadedPlugin:
-    """One plugin at work: its instance, its config, the manager that asks it (and the defaults) alone, and the execution
-    providers that its network is to run on (none: the automatic choice).
+    """One plugin at work: its instance, its config, the manager that asks it (and the defaults) alone, and the
+    execution providers that its network is to run on (none: the automatic choice).
 
-    Each hook is a method with the arguments of its specification (savmap.plugin.hookspecs). All of them raise PluginFailedError,
-    with the plugin's and the hook's name, where the hook raises or ends the program or its answer cannot be used. A SavmapError
-    of the plugin's own, with which it refuses in its own words, is raised as it is.
+    Each hook is a method with the arguments of its specification (savmap.plugin.hookspecs). All of them raise
+    PluginFailedError, with the plugin's and the hook's name, where the hook raises or ends the program or its answer
+    cannot be used. A SavmapError of the plugin's own, with which it refuses in its own words, is raised as it is.
     """
 
     name: str
@@ -141,12 +143,14 @@ class LoadedPlugin:
 
     @property
     def model(self) -> Path:
-        """The network's file: the config's `model` if set, else the one chosen for the row (`network`) or that comes with the plugin."""
+        """The network's file: the config's `model` if set, else the one chosen for the row (`network`) or that comes
+        with the plugin."""
         return Path(getattr(self.config, "model", None) or self.network or self.instance.model)
 
     @property
     def model_file(self) -> Path:
-        """The network's file that the plugin's first execution provider takes: `model`, or the one in float32 beside it."""
+        """The network's file that the plugin's first execution provider takes: `model`, or the one in float32 beside
+        it."""
         from savmap.vision.networks.providers import choose, file_for  # keeps `savmap --help` fast
 
         return file_for(self.model, choose(self.providers).names[0])
@@ -395,7 +399,8 @@ class LoadedPlugin:
         return dict(answers[0]) if self.has("exporters") else {}
 
     def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
-        """What the plugin answers to a hook, when it is of the expected type and passes the check. Raises PluginFailedError."""
+        """What the plugin answers to a hook, when it is of the expected type and passes the check. Raises
+        PluginFailedError."""
         try:
             with activity.at_work(self.name, hook):
                 answer = getattr(self.manager.hook, hook)(**arguments)
@@ -485,8 +490,8 @@ def exporters() -> dict[str, hookspecs.Exporter]:
 
 
 def register_commands(app: Any) -> None:
-    """Let every installed plugin whose class has `register_commands` add to the command line; one that cannot be used is named in a
-    warning. Raises PluginFailedError."""
+    """Let every installed plugin whose class has `register_commands` add to the command line; one that cannot be used
+    is named in a warning. Raises PluginFailedError."""
     plugins = load_installed()
     for reason in plugins.broken.values():
         notices.warning("%s", reason)

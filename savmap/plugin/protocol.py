@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 
 class PluginSettings(BaseModel):
-    """Settings that every plugin's `Config` should have; inherit it and add your own, each with a default and a docstring."""
+    """Settings that every plugin's `Config` should have; inherit it and add your own, each with a default and a
+    docstring."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
     model: Path | None = None
@@ -44,28 +45,36 @@ class KnownSize(BaseModel):
 class Plugin(Protocol):
     """A plugin: one structure type, from views to structures in the map.
 
-    The engine makes it with its validated settings, an instance of `Config`. These members are required; so a type checker
-    accepts `plugin: type[Plugin] = Pillars` for any class that has them, whether or not it inherits from this one. Hooks take
-    any of the arguments that `savmap.plugin.hookspecs` names, by name, which is why they are not typed here; what they return is.
-    Hooks with a default (`detect`, `relate`, `cross_row_landmarks`, `evaluate`, `draw`, `scene`, ...) may be left out.
+    The engine makes it with its validated settings, an instance of `Config`. These members are required; so a type
+    checker accepts `plugin: type[Plugin] = Pillars` for any class that has them, whether or not it inherits from this
+    one. Hooks take any of the arguments that `savmap.plugin.hookspecs` names, by name, which is why they are not typed
+    here; what they return is. Hooks with a default (`detect`, `relate`, `cross_row_landmarks`, `evaluate`, `draw`,
+    `scene`, ...) may be left out.
 
     A class may also declare, each optional:
 
-    - `needs_path: bool`: whether the plugin cannot locate the camera. It is then asked to track only where the path is known
+    - `needs_path: bool`: whether the plugin cannot locate the camera. It is then asked to track only where the path is
+    known
       (`start` is never None), and a row that has no other plugin for that ends with an error that says so.
-    - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one changes, the
+    - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one
+    changes, the
       row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
-    - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use, with "#" for each
-      number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them has is refused before any work.
+    - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use,
+    with "#" for each
+      number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them has is refused
+      before any work.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
-    - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more than the plugin
+    - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more
+    than the plugin
       needs: those that its training teaches.
-    - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its place in rows where it
+    - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
+    place in rows where it
       sees clearly more (`savmap.pipeline.networks`).
-    - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set (`dataset.json`,
-      `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the simulator's random scenes
-      are taken.
+    - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set
+    (`dataset.json`,
+      `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the
+      simulator's random scenes are taken.
     """
 
     @property

@@ -20,10 +20,11 @@ NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
-    """The plugins' networks. A file that several plugins name is loaded once, and a view that they share is segmented once.
+    """The plugins' networks. A file that several plugins name is loaded once, and a view that they share is segmented
+    once.
 
-    `notes`: a line for each network that does not run on the processor, or not on the provider that was asked for. Raises ModelError
-    where a network cannot be opened, or lacks a class that its plugin needs.
+    `notes`: a line for each network that does not run on the processor, or not on the provider that was asked for.
+    Raises ModelError where a network cannot be opened, or lacks a class that its plugin needs.
     """
 
     def __init__(self, plugins: Sequence[LoadedPlugin]) -> None:
@@ -51,14 +52,15 @@ class SegmenterPool:
         return self.networks[plugin.name].predict(view.image)
 
     def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
-        """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are left alone."""
+        """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are
+        left alone."""
         if not plugin.has("detect"):
             self.networks[plugin.name].predict(view.image)
 
 
 class CachedSegmenter(Segmenter):
-    """A segmenter that keeps a picture's segmentation for as long as the picture lives: plugins that share a view share its
-    inference, and other threads may run it ahead of them."""
+    """A segmenter that keeps a picture's segmentation for as long as the picture lives: plugins that share a view share
+    its inference, and other threads may run it ahead of them."""
 
     def __init__(self, *network: Any) -> None:
         super().__init__(*network)

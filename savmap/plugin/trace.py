@@ -1,4 +1,5 @@
-"""SAVMAP_TRACE=1: every call of a hook as a line on standard error and in the log. Without it, calls go through no extra code."""
+"""SAVMAP_TRACE=1: every call of a hook as a line on standard error and in the log. Without it, calls go through no
+extra code."""
 
 import logging
 import os
@@ -68,8 +69,8 @@ class _Kept(logging.Handler):
 
 @contextmanager
 def about(rows: Sequence[str], keep: bool) -> Iterator[list[str]]:
-    """While this lasts, calls without a row among their arguments are taken to be about these rows. `keep`: all that is logged is gathered,
-    the trace with it, for a process that has no log."""
+    """While this lasts, calls without a row among their arguments are taken to be about these rows. `keep`: all that is
+    logged is gathered, the trace with it, for a process that has no log."""
     lines: list[str] = []
     own = logging.getLogger("savmap")
     handler, level, token = _Kept(lines), own.level, _row.set(" and ".join(rows))
@@ -105,8 +106,8 @@ def _answer(outcome: pluggy.Result[Any]) -> str:
 
 
 def _amount(answer: object) -> str:
-    """How large an answer is, by the first of its `PARTS`: " of 6 keys". Empty for an answer without such a part, or with one that cannot
-    be counted: a plugin may return anything."""
+    """How large an answer is, by the first of its `PARTS`: " of 6 keys". Empty for an answer without such a part, or
+    with one that cannot be counted: a plugin may return anything."""
     for name in PARTS:
         with suppress(Exception):
             part = getattr(answer, name)

@@ -77,7 +77,8 @@ def box_plot(evaluation: Evaluation) -> Figure | None:
 
 
 class Scale:
-    """From centimetres to pixels down the page: all whiskers are shown, and as much again on either side for what is beyond."""
+    """From centimetres to pixels down the page: all whiskers are shown, and as much again on either side for what is
+    beyond."""
 
     def __init__(self, boxes: Mapping[str, Box]) -> None:
         lowest, highest = min(box.low for box in boxes.values()), max(box.high for box in boxes.values())

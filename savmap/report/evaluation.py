@@ -1,7 +1,7 @@
 """A site map against a survey: what the plugins' `evaluate` hooks return, row by row, as JSON and as a table.
 
-Errors are truth - estimate, in metres, as in the paper (section IV). The counts of `missing` and `spurious` elements always
-stand beside the mean absolute error: a map with a good mean and a missing element is not a good map.
+Errors are truth - estimate, in metres, as in the paper (section IV). The counts of `missing` and `spurious` elements
+always stand beside the mean absolute error: a map with a good mean and a missing element is not a good map.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +20,8 @@ _HEADINGS = ("count", "mean", "mean abs", "95 %", "largest")
 
 @dataclass(frozen=True)
 class Statistics:
-    """Of errors: how many, their mean, and the mean, 95th percentile and largest of their sizes; None where there are none."""
+    """Of errors: how many, their mean, and the mean, 95th percentile and largest of their sizes; None where there are
+    none."""
 
     count: int
     mean: float | None = None
@@ -95,7 +96,8 @@ def score_json(score: Score) -> Fragment:
 
 
 def as_table(evaluation: Evaluation) -> str:
-    """A plain-text table, lengths in cm: a block for each row, one over all rows where there are several, and the rows left out."""
+    """A plain-text table, lengths in cm: a block for each row, one over all rows where there are several, and the rows
+    left out."""
     blocks = [_block(f"Row {visible(name)}", score) for name, score in evaluation.rows.items()]
     if len(blocks) > 1:
         blocks.append(_block("All rows", pool(evaluation.rows.values())))
@@ -113,7 +115,8 @@ def named_counts(counts: Mapping[str, int]) -> str:
 
 
 def _row_scores(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> dict[str, Score]:
-    """By plugin. Where one finds that the map begins elsewhere in the row than the survey, the others' structures are moved there."""
+    """By plugin. Where one finds that the map begins elsewhere in the row than the survey, the others' structures are
+    moved there."""
     try:
         scores = {plugin: score(row.name, plugin, group, surveyed) for plugin, group in row.structures.items()}
         begins_m = next((one.begins_m for one in scores.values() if one.begins_m), 0.0)

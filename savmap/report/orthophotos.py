@@ -54,8 +54,8 @@ def photo_view(
 
 
 def write_overlay(row: str, photo: Orthophoto, drawings: Sequence[Drawing], picture: Path, path: Path) -> None:
-    """Write an SVG of the size of a row's orthophoto, which lies beside it as `picture`, with outlines and names of what is mapped,
-    whole or not at all. Raises OutputError."""
+    """Write an SVG of the size of a row's orthophoto, which lies beside it as `picture`, with outlines and names of
+    what is mapped, whole or not at all. Raises OutputError."""
     write_text(path, overlay_text(row, photo, drawings, picture.name))
 
 

@@ -67,7 +67,8 @@ def figure_text(figure: Figure) -> str:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where a figure's parts stand, in its own units, of which a pixel of the picture has so many; its size in pixels."""
+    """Where a figure's parts stand, in its own units, of which a pixel of the picture has so many; its size in
+    pixels."""
 
     unit: float
     frame: tuple[float, float, float, float]

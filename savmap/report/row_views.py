@@ -1,4 +1,5 @@
-"""A row's face view and plan as figures in the row's frame, in millimetres (the paper's figures of the baseline aisle)."""
+"""A row's face view and plan as figures in the row's frame, in millimetres (the paper's figures of the baseline
+aisle)."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,8 +27,8 @@ _PATH_COLOURS = 5
 
 @dataclass(frozen=True)
 class Projection:
-    """From metres in a row's frame to a figure's millimetres: x against the axis `across` (1 or 2), which points `down` the page (1)
-    or up (-1) and is stretched; and the words for such a figure."""
+    """From metres in a row's frame to a figure's millimetres: x against the axis `across` (1 or 2), which points `down`
+    the page (1) or up (-1) and is stretched; and the words for such a figure."""
 
     across: int
     axes: tuple[str, str, int]
@@ -63,10 +64,11 @@ def row_view(
     anchor: str = "row",
     least_ratio: float = 0.0,
 ) -> Figure:
-    """The row as one faces it ("face"), or from above with the camera's path, z out of the face pointing down the page ("plan").
+    """The row as one faces it ("face"), or from above with the camera's path, z out of the face pointing down the page
+    ("plan").
 
-    hints: by structure id, what the page shows under the pointer. least_ratio: of height to width; the vertical scale is larger
-    than that along x where it takes that.
+    hints: by structure id, what the page shows under the pointer. least_ratio: of height to width; the vertical scale
+    is larger than that along x where it takes that.
     """
     shown = drawn_in(drawings, picture)
     cameras = camera_paths(row) if picture == "plan" else {}
@@ -109,7 +111,8 @@ def _assumed_layers(row: RowMap, projection: Projection) -> tuple[Layer, ...]:
 
 
 def _bands(structure: Structure, assumed: Bools, axis: int) -> Iterator[Floats]:
-    """Corners (n, 3) m around vertices of a structure that are assumed (n,) to stand at one place along an axis, give or take a standard deviation."""
+    """Corners (n, 3) m around vertices of a structure that are assumed (n,) to stand at one place along an axis, give
+    or take a standard deviation."""
     points = structure.vertices[assumed]
     reach = np.sqrt(structure.covariances[assumed, axis, axis])[:, None] * np.eye(3)[axis]
     for place in np.unique(points[:, axis].round(3)):
@@ -138,7 +141,8 @@ def label_counts(row: RowMap) -> dict[str, int]:
 
 
 def _frame(drawings: Sequence[Drawing], projection: Projection, others: Sequence[Floats]) -> Frame:
-    """Around the structure, the fixtures over its length, what else (n, 3) must be seen, and all fixtures that would be cut through."""
+    """Around the structure, the fixtures over its length, what else (n, 3) must be seen, and all fixtures that would be
+    cut through."""
     points = np.concatenate([projection(part) for part in (*_bounding(drawings), *others)])
     left, _, width, _ = frame_of(points, _MARGIN_MM, _PARTS)
     fixtures = [projection(drawing.points) for drawing in drawings if drawing.tone == "fixture"]
@@ -147,8 +151,8 @@ def _frame(drawings: Sequence[Drawing], projection: Projection, others: Sequence
 
 
 def _bounding(drawings: Sequence[Drawing]) -> list[Floats]:
-    """Points (n, 3) of the structure and of the fixtures that stand over its length; of all fixtures and the origin where there is
-    no structure."""
+    """Points (n, 3) of the structure and of the fixtures that stand over its length; of all fixtures and the origin
+    where there is no structure."""
     structure = [drawing.points for drawing in drawings if drawing.tone == "structure"]
     fixtures = [drawing.points for drawing in drawings if drawing.tone == "fixture"]
     if not structure:

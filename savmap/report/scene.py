@@ -55,11 +55,12 @@ class Backdrop:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of this frame (left, top, width, height), painted in the order of its layers; `legend`: styles and their names.
+    """A figure of this frame (left, top, width, height), painted in the order of its layers; `legend`: styles and their
+    names.
 
-    `axes`: the names of the two axes and whether the second one points down the page (1) or up (-1), for figures that can be
-    zoomed; they are drawn in millimetres. Others are in pixels. `note`: a line beside the title.
-    `backdrop`: a picture beneath all layers.
+    `axes`: the names of the two axes and whether the second one points down the page (1) or up (-1), for figures that
+    can be zoomed; they are drawn in millimetres. Others are in pixels. `note`: a line beside the title. `backdrop`: a
+    picture beneath all layers.
     """
 
     id: str
@@ -75,7 +76,8 @@ class Figure:
 
 
 def path(points: Floats, closed: bool = False) -> str:
-    """The path through points (n, 2), rounded to whole units, in steps relative to the one before; a dot for one point."""
+    """The path through points (n, 2), rounded to whole units, in steps relative to the one before; a dot for one
+    point."""
     whole: Ints = np.round(points).astype(np.int64)
     steps = np.diff(whole, axis=0)
     moves = [_step(int(x), int(y)) for x, y in steps] if len(whole) > 1 else ["h0"]
@@ -92,7 +94,8 @@ HATCH_MM = 60.0
 
 
 def hatching(points: Floats) -> list[Floats]:
-    """Strokes (2, 2) that fill the upright rectangle around points (n, 2) mm, rising to the right; none where it has no area."""
+    """Strokes (2, 2) that fill the upright rectangle around points (n, 2) mm, rising to the right; none where it has no
+    area."""
     low, high = points.min(axis=0), points.max(axis=0)
     width, height = high - low
     if min(width, height) <= 0:
@@ -120,8 +123,8 @@ def swatch(style: str, unit: float = 1.0, x: float = 0.0, y: float = 0.0) -> str
 
 
 def frame_of(points: Floats, margin: float, parts: tuple[float, float]) -> Frame:
-    """Left, top, width, height around points (n, 2) with a margin on every side; on the left and right, and above and below,
-    of these parts of the width where that is more."""
+    """Left, top, width, height around points (n, 2) with a margin on every side; on the left and right, and above and
+    below, of these parts of the width where that is more."""
     margins = np.maximum(margin, np.ptp(points[:, 0]) * np.array(parts))
     low, high = points.min(axis=0) - margins, points.max(axis=0) + margins
     left, top, width, height = (round(float(value)) for value in (*low, *(high - low)))
@@ -137,8 +140,8 @@ def ticks(low: float, high: float, parts: int) -> list[float]:
 
 
 def metre_grid(frame: Frame, down: int, stretch: float = 1.0) -> tuple[Layer, tuple[Label, ...]]:
-    """Lines over a frame in millimetres at round metres, and their labels; the second axis points `down` the page (1) or up (-1)
-    and is stretched."""
+    """Lines over a frame in millimetres at round metres, and their labels; the second axis points `down` the page (1)
+    or up (-1) and is stretched."""
     left, top, width, height = frame
     along_mm = stretch * MM
     across = ticks(left / MM, (left + width) / MM, 12)

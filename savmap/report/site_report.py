@@ -39,11 +39,11 @@ def report_for(
     photos: Mapping[str, Orthophoto] | None = None,
     stills: Mapping[str, Sequence[Still]] | None = None,
 ) -> Report:
-    """The report of a map, with the run that made it, against a survey, and with orthophotos and stills by row where they are given. `plugins`: the
-    opened plugins of each row.
+    """The report of a map, with the run that made it, against a survey, and with orthophotos and stills by row where
+    they are given. `plugins`: the opened plugins of each row.
 
-    Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where a
-    plugin fails.
+    Each plugin scores and draws each row once. Raises OutputError where a row's survey is malformed, PluginError where
+    a plugin fails.
     """
     surveyed = survey.rows if survey else {}
     common = any(name in surveyed for name in site_map.rows)
@@ -65,8 +65,8 @@ def write_report(
     survey_file: Path | None = None,
     against: Path | None = None,
 ) -> None:
-    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map, and with what changed since an earlier map
-    or that of a folder (`against`). Raises SavmapError."""
+    """Write the report of a map.json as an HTML page, with the orthophotos that lie beside the map, and with what
+    changed since an earlier map or that of a folder (`against`). Raises SavmapError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     site_map = read_map(map_file)
@@ -102,9 +102,9 @@ def _log_of(site_map: SiteMap, run_file: Path) -> RunLog:
 def viewed(
     source: Path, survey_file: Path | None = None, fresh: bool = False, against: Path | None = None
 ) -> tuple[Path, bool]:
-    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none, where that which is there
-    is of another map, of another survey or another earlier map (`against`) than the one asked for, or by another savmap, or `fresh`. Raises
-    SavmapError."""
+    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none,
+    where that which is there is of another map, of another survey or another earlier map (`against`) than the one asked
+    for, or by another savmap, or `fresh`. Raises SavmapError."""
     map_file, old_file = map_in(source), map_in(against) if against else None
     page = map_file.with_name(VIEW)
     origin = origin_of(map_file, survey_file, old_file)
@@ -143,8 +143,9 @@ def compare_files(
     json_file: Path | None = None,
     in_viewer: bool = False,
 ) -> Comparison:
-    """Two map files, or those of two folders, compared, with the page and the JSON file that are wanted, and, `in_viewer`, with a viewer's page
-    of both dates beside the new map. The pages show the orthophotos that lie beside both maps. Raises SavmapError."""
+    """Two map files, or those of two folders, compared, with the page and the JSON file that are wanted, and,
+    `in_viewer`, with a viewer's page of both dates beside the new map. The pages show the orthophotos that lie beside
+    both maps. Raises SavmapError."""
     if page is not None and page.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
     old_file, new_file = map_in(old), map_in(new)
@@ -191,15 +192,16 @@ def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:
 
 
 def plugins_of_map(site_map: SiteMap) -> PluginsByRow:
-    """The plugins that made a map, opened with their default settings: for a map file, which does not say which settings made it.
-    Raises PluginError."""
+    """The plugins that made a map, opened with their default settings: for a map file, which does not say which
+    settings made it. Raises PluginError."""
     names = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
     plugins = {name: open_plugin(name, {}) for name in names}
     return dict.fromkeys(site_map.rows, plugins)
 
 
 def openings_of(site_map: SiteMap) -> StructuresByRow:
-    """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are not installed."""
+    """The spaces between structures whose clear width and height matter, by row and plugin; none of plugins that are
+    not installed."""
     return _asked(site_map, lambda plugin, structures, _: plugin.openings(structures))
 
 
@@ -247,8 +249,8 @@ def drawings_of(
     surveyed: Mapping[str, Any] | None,
     deviations: Mapping[str, Mapping[str, float]],
 ) -> list[Drawing]:
-    """What the plugins draw of a row, over its survey where there is one, what the verdict doubts as doubted; `deviations`: by plugin and structure
-    id, m."""
+    """What the plugins draw of a row, over its survey where there is one, what the verdict doubts as doubted;
+    `deviations`: by plugin and structure id, m."""
     doubted = {name for doubt in row.verdict.doubts for name in doubt.structures} if row.verdict else set[str]()
     return [
         replace(drawing, role="doubted") if drawing.role == "mapped" and drawing.name in doubted else drawing

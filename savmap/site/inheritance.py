@@ -8,7 +8,8 @@ DIRECTIONS = {"left": "+x", "right": "-x"}
 
 
 def completed(content: object) -> object:
-    """A site's content with its passes' video, rate and views filled in from their row or the site, and rows' names as text.
+    """A site's content with its passes' video, rate and views filled in from their row or the site, and rows' names as
+    text.
 
     What is not as it should be is left as it is, for the checks that follow.
     """
@@ -18,7 +19,8 @@ def completed(content: object) -> object:
 
 
 def side_from_direction(one: object) -> object:
-    """A pass's content with its side, where only its direction is given. Raises ValueError where the two contradict one another."""
+    """A pass's content with its side, where only its direction is given. Raises ValueError where the two contradict one
+    another."""
     if not isinstance(one, Mapping) or one.get("direction") not in DIRECTIONS.values():
         return one
     side = next(side for side, direction in DIRECTIONS.items() if direction == one["direction"])

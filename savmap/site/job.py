@@ -29,11 +29,12 @@ _received: dict[str, "Job"] = {}
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One run: the site, where it was read, the names of its plugins, where to write, a map whose camera path is known, where the
-    site's keys were given, and notes: sections that are empty, which plugins are taken where nobody named any.
+    """One run: the site, where it was read, the names of its plugins, where to write, a map whose camera path is known,
+    where the site's keys were given, and notes: sections that are empty, which plugins are taken where nobody named
+    any.
 
-    A job opens each plugin once for each of its settings. One that reaches another process several times is the same object there,
-    so this holds for every process.
+    A job opens each plugin once for each of its settings. One that reaches another process several times is the same
+    object there, so this holds for every process.
     """
 
     site: Site
@@ -55,7 +56,8 @@ class Job:
         return self.site.on_plugin_error == "skip"
 
     def opened(self, row: str, name: str) -> LoadedPlugin:
-        """A plugin with its settings for one row. Raises PluginError for an unknown or broken one, SiteError for its settings."""
+        """A plugin with its settings for one row. Raises PluginError for an unknown or broken one, SiteError for its
+        settings."""
         settings = self.site.plugin_config(row, name)
         key = (name, repr(sorted(settings.items())))
         if key not in self._opened:
@@ -86,8 +88,8 @@ def job_for(
     earlier: Path | None = None,
     overrides: Sequence[Override] = (),
 ) -> Job:
-    """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder of pictures);
-    `overrides` are set in either.
+    """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder
+    of pictures); `overrides` are set in either.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
@@ -108,9 +110,9 @@ def job_for(
 
 
 def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
-    """The plugins of a job: those that are named, else those of the site, else all installed ones that can be used and have what
-    they need, with a line that says so and which were left out. Raises SiteError where an option names none, PluginError where
-    there is none."""
+    """The plugins of a job: those that are named, else those of the site, else all installed ones that can be used and
+    have what they need, with a line that says so and which were left out. Raises SiteError where an option names none,
+    PluginError where there is none."""
     if named is not None and not named:
         raise SiteError("--plugins: names none; give one or more, with commas between, or leave the option out")
     if named or site.plugins:
@@ -149,8 +151,8 @@ def _in_metres(height: float) -> str:
 
 
 def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
-    """Make the output folder, which nothing leaves by a link from now on. Raises OutputError when nothing can be written there, or next
-    to nothing, or where one of the `files` could not be written below it."""
+    """Make the output folder, which nothing leaves by a link from now on. Raises OutputError when nothing can be
+    written there, or next to nothing, or where one of the `files` could not be written below it."""
     if folder.is_file():
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
     if is_url(folder):

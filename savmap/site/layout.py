@@ -1,8 +1,9 @@
 """Where the site file says that rows stand in the site's frame, and which rows it aligns the site by.
 
-With `layout`, rows stand in a line at right angles to themselves. Its first row runs along the layout's x axis, on its z = 0;
-the others follow towards +z. A face looks towards +z (heading 0) or back (heading 180), in turns: the gap in front of a
-face is an aisle, the one behind it a rack. A row that is turned round has its origin at the far end, hence needs its length.
+With `layout`, rows stand in a line at right angles to themselves. Its first row runs along the layout's x axis, on its
+z = 0; the others follow towards +z. A face looks towards +z (heading 0) or back (heading 180), in turns: the gap in
+front of a face is an aisle, the one behind it a rack. A row that is turned round has its origin at the far end, hence
+needs its length.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,7 +18,8 @@ from savmap.types import Placement
 
 
 def placements(site: Site) -> dict[str, Placement]:
-    """The place of every row that has one, before anything was seen: the row's own `place`, else from the site's `layout`.
+    """The place of every row that has one, before anything was seen: the row's own `place`, else from the site's
+    `layout`.
 
     Raises SiteError where `layout` does not fit the rows.
     """
@@ -37,7 +39,8 @@ def with_places(site: Site) -> dict[str, bool]:
 
 
 def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterator[tuple[Location, str]]:
-    """What in `layout` does not fit the rows: the key, and what is wrong with it. rows: whether each has a place of its own."""
+    """What in `layout` does not fit the rows: the key, and what is wrong with it. rows: whether each has a place of its
+    own."""
     if layout is None:
         return
     known = f"the site's rows are {', '.join(rows)}"

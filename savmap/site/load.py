@@ -37,7 +37,8 @@ NEITHER = "is neither a site file (YAML, see docs/site-file.md) nor a video"
 
 @dataclass(frozen=True)
 class Draft:
-    """What a site file holds, with overrides applied, before it is checked; `folder` is what relative paths are relative to."""
+    """What a site file holds, with overrides applied, before it is checked; `folder` is what relative paths are
+    relative to."""
 
     content: Mapping[str, Any]
     places: SourceMap
@@ -46,8 +47,8 @@ class Draft:
 
 
 def is_footage(source: Path) -> bool:
-    """Whether a source is footage rather than a site file, by what it holds: a folder, or a file that is no text. Its ending decides where it
-    holds nothing, or nothing that can be opened as a video."""
+    """Whether a source is footage rather than a site file, by what it holds: a folder, or a file that is no text. Its
+    ending decides where it holds nothing, or nothing that can be opened as a video."""
     if source.is_dir():
         return True
     head = _head(source)
@@ -77,7 +78,8 @@ def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
 
 @dataclass(frozen=True)
 class KnownAlignment:
-    """Where the user says the site stands in their world, and where that was said: `at` is the section's place in its file."""
+    """Where the user says the site stands in their world, and where that was said: `at` is the section's place in its
+    file."""
 
     section: AlignSection
     places: SourceMap
@@ -91,8 +93,8 @@ class KnownAlignment:
 
 
 def load_alignment(path: Path) -> KnownAlignment:
-    """The section `align` of a file, or what stands in a file of it alone. Raises SiteError with file and line for what is not as
-    docs/site-file.md says."""
+    """The section `align` of a file, or what stands in a file of it alone. Raises SiteError with file and line for what
+    is not as docs/site-file.md says."""
     draft = read_draft(path, what="file with `align:`")
     at: Location = ("align",) if "align" in draft.content else ()
     for _, problem in draft.doubles:
@@ -108,7 +110,8 @@ def load_alignment(path: Path) -> KnownAlignment:
 
 
 def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_FILE) -> Draft:
-    """The content of a site file. Raises SiteError where it is no YAML or another file, or where an override does not fit it."""
+    """The content of a site file. Raises SiteError where it is no YAML or another file, or where an override does not
+    fit it."""
     text = _read(path, what)
     _require_no_other(path, kind_of_text(text), what)
     try:
@@ -186,8 +189,8 @@ def site_of(draft: Draft) -> Site:
 
 
 def sound_part(draft: Draft) -> Site | None:
-    """The site without its layout, its alignment and the rows that something is wrong with; None where that leaves nothing, or where
-    anything is wrong that concerns all rows."""
+    """The site without its layout, its alignment and the rows that something is wrong with; None where that leaves
+    nothing, or where anything is wrong that concerns all rows."""
     wrong = [location for location, _ in problems_in(draft) if location[:1] not in (("layout",), ("align",))]
     broken = {str(location[1]) for location in wrong if location[:1] == ("rows",) and len(location) > 1}
     rows = draft.content.get("rows")

@@ -19,8 +19,8 @@ MOST_KEYS = 100_000
 
 @dataclass(frozen=True)
 class SourceMap:
-    """Where a site's keys were given: lines of its file `where`, the options or variables that set them instead, and the keys behind whose colon
-    nothing stands (not even null)."""
+    """Where a site's keys were given: lines of its file `where`, the options or variables that set them instead, and
+    the keys behind whose colon nothing stands (not even null)."""
 
     where: str
     lines: Mapping[Location, int] = field(default_factory=dict)
@@ -28,8 +28,9 @@ class SourceMap:
     empty: Collection[Location] = ()
 
     def of(self, location: Location, whole: bool = False) -> str:
-        """ "site.yaml:12" of the key at a location, or the nearest one above it; or what overrode it, or made the section that it
-        is missing in. `whole`: a problem of the section at that location, which anything that was set in it may have made."""
+        """ "site.yaml:12" of the key at a location, or the nearest one above it; or what overrode it, or made the
+        section that it is missing in. `whole`: a problem of the section at that location, which anything that was set
+        in it may have made."""
         for set_at, place in reversed(list(self.overridden.items())):
             above = set_at == location[: len(set_at)]
             below = location == set_at[: len(location)] and (whole or location not in self.lines)
@@ -87,9 +88,9 @@ def misspelt(
     roots: Collection[Location] = ((),),
     empty_sections: bool = True,
 ) -> dict[Location, str]:
-    """A line for each key of a content, by its location in the file, that has no value or runs into it, and for each number that YAML reads
-    otherwise than people do. `at` gives a model key's location in the file, `roots` are the places there at which the model's keys may stand;
-    `empty_sections`: whether nothing may stand in a section."""
+    """A line for each key of a content, by its location in the file, that has no value or runs into it, and for each
+    number that YAML reads otherwise than people do. `at` gives a model key's location in the file, `roots` are the
+    places there at which the model's keys may stand; `empty_sections`: whether nothing may stand in a section."""
     found = {at(location): text for location, text in misread(model, content)}
     for location, root in product(source.empty, roots):
         if location[: len(root)] != root or location == root or source.sets(location):
@@ -136,7 +137,8 @@ def _twice(node: yaml.Node | None, location: Location, seen: set[int]) -> Iterat
 def explained(
     error: ValidationError, model: type[BaseModel], source: SourceMap, at: Callable[[Location], Location] = tuple
 ) -> dict[Location, str]:
-    """A line for each problem of a validation error, by its location in the site. `at`: where in the site a key of the model stands."""
+    """A line for each problem of a validation error, by its location in the site. `at`: where in the site a key of the
+    model stands."""
     return validation.explained(error, model, source.of, lambda location: source.given(at(location)))
 
 

@@ -49,13 +49,15 @@ class Pass(Strict):
     model_config = ConfigDict(json_schema_extra=without_video)
 
     video: Where
-    """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or the site's."""
+    """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or
+    the site's."""
     start_s: Annotated[float, Field(ge=0)] = 0.0
     """Where in the video the pass begins."""
     end_s: float | None = None
     """Where in the video the pass ends. Default: with the video."""
     fps: Rate | None = None
-    """Sampling rate; every frame where the video has fewer. Default: the row's, the site's, or 15; every picture of a folder, which count as 30 a second."""
+    """Sampling rate; every frame where the video has fewer. Default: the row's, the site's, or 15; every picture of a
+    folder, which count as 30 a second."""
     side: Side | None = None
     """The hand the face is on as one drives along."""
     direction: Literal["+x", "-x"] | None = None
@@ -109,7 +111,8 @@ class Row(Strict):
     place: PlaceSection | None = None
     """Where the row stands in the site's frame; wins over the site's `layout`."""
     confirmed: Annotated[tuple[DoubtText, ...], Field(max_length=MOST_CONFIRMED)] = ()
-    """Doubts of this row, of the kinds `shape` and `support` and in savmap's own words, that a person looked at and found wrong: they become notes."""
+    """Doubts of this row, of the kinds `shape` and `support` and in savmap's own words, that a person looked at and
+    found wrong: they become notes."""
 
     @field_validator("plugins", mode="before")
     @classmethod
@@ -140,14 +143,16 @@ class Site(Strict):
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
     providers: Providers = ()
-    """Execution providers that networks run on, the first that there is. Default: CUDA or OpenVINO where onnxruntime has them, else
-    the processor."""
+    """Execution providers that networks run on, the first that there is. Default: CUDA or OpenVINO where onnxruntime
+    has them, else the processor."""
     survey: Where | None = None
     """What a surveyor measured, a path or a URL: scores are printed, and drawn under the map."""
     on_plugin_error: Literal["fail", "skip"] = "fail"
-    """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that plugin."""
+    """What becomes of a row where a plugin fails: `fail`, it is not mapped; `skip`, it is mapped without that
+    plugin."""
     plugin_timeout_s: Annotated[float, Field(gt=0)] = 600.0
-    """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has failed."""
+    """How long one call of a plugin's hook may take; the process in which it takes longer is ended, and the plugin has
+    failed."""
     orthophotos: bool = True
     """Whether a picture of each row's face, without perspective, is made of all frames."""
     panoramas: bool = True

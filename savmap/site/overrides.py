@@ -1,6 +1,8 @@
-"""Single keys of a site file set from outside: by `--set rows.A.fps=5`, and by variables such as SAVMAP__ROWS__A__FPS=5.
+"""Single keys of a site file set from outside: by `--set rows.A.fps=5`, and by variables such as
+SAVMAP__ROWS__A__FPS=5.
 
-The command line counts more than the environment, and both more than the file. Values are YAML, or else text; null takes a key away.
+The command line counts more than the environment, and both more than the file. Values are YAML, or else text; null
+takes a key away.
 """
 
 import copy
@@ -42,8 +44,8 @@ def overrides_of(options: Iterable[str], environment: Mapping[str, str]) -> tupl
 def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[dict[str, Any], dict[Location, str]]:
     """A site's content with overrides applied, and which of its keys they set, with the places where they were said.
 
-    Keys that are there are found whatever their case, where only one fits. Raises SiteError naming the override for a row, or
-    an entry of a list, that is not there.
+    Keys that are there are found whatever their case, where only one fits. Raises SiteError naming the override for a
+    row, or an entry of a list, that is not there.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(content))
     places: dict[Location, str] = {}
@@ -79,7 +81,8 @@ def _require_short(place: str) -> None:
 
 
 def _value(place: str, text: str) -> Any:
-    """What a text means as YAML; the text itself where it is none, such as `[A-Z]+`: its key then tells what is wrong with it."""
+    """What a text means as YAML; the text itself where it is none, such as `[A-Z]+`: its key then tells what is wrong
+    with it."""
     try:
         return yaml_text.load(text)
     except yaml_text.BoundError as error:

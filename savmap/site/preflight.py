@@ -69,7 +69,8 @@ def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
 
 
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
-    """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do so."""
+    """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do
+    so."""
     known = site.row_references(row)
     settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
     return settings or bool(known.camera_height_m or known.lengths or known.markers or len(known.points) > 1)
@@ -96,8 +97,9 @@ class Footage:
 def require_ready(job: Job) -> None:
     """Refuse at once what would fail after minutes of work, with its place in the site file.
 
-    Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, StructureError for too few
-    frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that cannot be read.
+    Raises PluginError or SiteError for a plugin or its settings, VideoError for a video or time range, StructureError
+    for too few frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that
+    cannot be read.
     """
     settings = settings_problems(job.site, job.plugins, job.places)
     for problem in chain(settings, footage(job), networks(job, named=True), references(job), survey(job)):
@@ -112,8 +114,8 @@ def with_location(error: SavmapError, places: SourceMap, location: Location) -> 
 
 
 def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
-    """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what kind it is and
-    on what it runs. `named`: only those that the site file names."""
+    """Networks that cannot be loaded, or do not give their plugin's classes; a line for each of the others, of what
+    kind it is and on what it runs. `named`: only those that the site file names."""
     tried = set[tuple[str, Path, str]]()
     for row in job.site.rows:
         for plugin in plugins_for(job, row):
@@ -157,7 +159,8 @@ def _unprintable(job: Job, row: str, known: ReferenceSection) -> Iterator[Savmap
 
 
 def _misnamed(job: Job, row: str, known: ReferenceSection) -> Iterator[SavmapError]:
-    """References to what no plugin can find; nothing where a plugin does not say what it calls things, or an earlier map has names too."""
+    """References to what no plugin can find; nothing where a plugin does not say what it calls things, or an earlier
+    map has names too."""
     declared = [getattr(load_class(name), "reference_names", None) for name in dict.fromkeys(job.plugins)]
     if job.earlier is not None or None in declared:
         return

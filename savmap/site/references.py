@@ -37,8 +37,8 @@ def references_of(section: ReferenceSection) -> References:
 
 
 def misnamed(section: ReferenceSection, known: Sequence[str]) -> Iterator[tuple[Location, str]]:
-    """Names in references that no plugin can have: the key within the section, and what is wrong with it. known: all names there are,
-    with "#" for each number; those of markers need not be among them."""
+    """Names in references that no plugin can have: the key within the section, and what is wrong with it. known: all
+    names there are, with "#" for each number; those of markers need not be among them."""
     named: list[tuple[Location, str]] = [
         (("lengths", n, "between", end), name)
         for n, one in enumerate(section.lengths)

@@ -22,8 +22,8 @@ class Untitled(GenerateJsonSchema):
 
 
 def schema_text(plugins: Iterable[str]) -> str:
-    """The JSON Schema of a site file, with the settings of the named plugins. Other plugins may stand in a file too, with any
-    settings. Raises PluginError for one that is not installed."""
+    """The JSON Schema of a site file, with the settings of the named plugins. Other plugins may stand in a file too,
+    with any settings. Raises PluginError for one that is not installed."""
     schema = Site.model_json_schema(schema_generator=Untitled)
     settings = {name: _settings(name, load_class(name).Config, schema["$defs"]) for name in plugins}
     for section in (schema, schema["$defs"]["Row"]):
@@ -33,7 +33,8 @@ def schema_text(plugins: Iterable[str]) -> str:
 
 
 def _settings(name: str, config: type[BaseModel], definitions: dict[str, Any]) -> dict[str, Any]:
-    """A plugin's settings, or nothing, by reference: its models go into `definitions` with the plugin's name before them."""
+    """A plugin's settings, or nothing, by reference: its models go into `definitions` with the plugin's name before
+    them."""
     schema = config.model_json_schema(ref_template=f"#/$defs/{name}.{{model}}", schema_generator=Untitled)
     inner = schema.pop("$defs", {})
     definitions.update({f"{name}.{key}": value for key, value in inner.items()})

@@ -123,8 +123,8 @@ HIGHER = {"x": {"left": 0, "right": 1}, "y": {"lower": 0, "bottom": 0, "upper": 
 
 
 def _rank(name: str, axis: str) -> tuple[str, tuple[int, int]]:
-    """What edges have in common that their names put in order along an axis, and the place of this one: numbers rise from left to right, and within
-    a section from the floor up."""
+    """What edges have in common that their names put in order along an axis, and the place of this one: numbers rise
+    from left to right, and within a section from the floor up."""
     parts = [part.strip() for part in name.split("/")]
     numbers = [int(number) for number in re.findall(r"\d{1,9}", name)]
     side = max((HIGHER[axis].get(word, 0) for word in name.replace("/", " ").split()), default=0)
@@ -152,7 +152,8 @@ class Length(Known):
 
     @property
     def in_order(self) -> tuple[str, str]:
-        """The two edges in the order of their coordinates, as far as their names tell: numbers rise from left to right and from the floor up."""
+        """The two edges in the order of their coordinates, as far as their names tell: numbers rise from left to right
+        and from the floor up."""
         (alike, first), (also, second) = (_rank(name, self.axis) for name in self.between)
         return (self.between[1], self.between[0]) if alike == also and first > second else self.between
 
@@ -210,9 +211,9 @@ class ReferenceSection(Strict):
     markers: tuple[Marker, ...] = ()
     """Fiducial markers somewhere in the footage."""
     on_contradiction: Literal["check", "refuse", "leave_out"] = "check"
-    """What becomes of a row where the pictures and the other references contradict one: `check`, it is mapped without the one that is wrong
-    and its verdict is `check`; `refuse`, it is not mapped; `leave_out`, as `check`, but without a doubt where it is clear which one is wrong.
-    Where that is not clear and much is at stake, the row is refused."""
+    """What becomes of a row where the pictures and the other references contradict one: `check`, it is mapped without
+    the one that is wrong and its verdict is `check`; `refuse`, it is not mapped; `leave_out`, as `check`, but without a
+    doubt where it is clear which one is wrong. Where that is not clear and much is at stake, the row is refused."""
 
     @field_validator("markers")
     @classmethod
@@ -240,8 +241,8 @@ class ViewSection(Strict):
 
 
 class PanoramaSection(Strict):
-    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each lens's scale
-    may be off."""
+    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each
+    lens's scale may be off."""
 
     turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
     """Standard deviation of each of the three angles."""
@@ -268,7 +269,8 @@ class VerticalScaleSection(Strict):
 
 
 class LensDistanceSection(Strict):
-    """How far apart the camera's two lenses may stand, where its program bends the pictures at a seam that crosses the face. Where the seam is, the footage tells, not `front_deg`."""
+    """How far apart the camera's two lenses may stand, where its program bends the pictures at a seam that crosses the
+    face. Where the seam is, the footage tells, not `front_deg`."""
 
     sigma_m: Annotated[float, Field(gt=0, le=0.2)] = 0.03
     """Standard deviation of the distance."""
@@ -304,14 +306,16 @@ class CalibrationSection(Strict):
 
 
 class PlaceSection(Strict):
-    """Where a row stands on the site's floor: the left end of the row, as one faces it, and which way its x axis runs."""
+    """Where a row stands on the site's floor: the left end of the row, as one faces it, and which way its x axis
+    runs."""
 
     x_m: Annotated[float, Field(gt=-1e5, lt=1e5)]
     """The row's origin in the site's frame: the outer edge of its first element, on the left as one faces it."""
     z_m: Annotated[float, Field(gt=-1e5, lt=1e5)]
     """The row's origin in the site's frame; on a plan with x to the right, z runs down the sheet."""
     heading_deg: Angle
-    """Which way the row runs to the right as one faces it: 0 along the site's x, counter-clockwise as seen from above."""
+    """Which way the row runs to the right as one faces it: 0 along the site's x, counter-clockwise as seen from
+    above."""
     sigma_m: Sigma = 0.3
     """Standard deviation of x_m and of z_m."""
     sigma_deg: Annotated[float, Field(gt=0, le=90)] = 2.0
@@ -319,8 +323,9 @@ class PlaceSection(Strict):
 
 
 class LayoutSection(Strict):
-    """Rows at regular spacing, one behind the other: faces look at one another across aisles, and stand back to back with the
-    next ones. The layout's corner is at x_m, z_m; all rows begin on the line through it, at right angles to them."""
+    """Rows at regular spacing, one behind the other: faces look at one another across aisles, and stand back to back
+    with the next ones. The layout's corner is at x_m, z_m; all rows begin on the line through it, at right angles to
+    them."""
 
     aisle_m: Span
     """From a face to the one across the aisle."""
@@ -358,7 +363,8 @@ class AlignPoint(Strict):
     row: str | None = None
     """The row that it is in; not needed where there is one row alone."""
     at: str
-    """A vertex, "upright 1 / left / bottom", what begins so, "upright 1 / left", or the id of a whole structure: the mean of its vertices."""
+    """A vertex, "upright 1 / left / bottom", what begins so, "upright 1 / left", or the id of a whole structure: the
+    mean of its vertices."""
     world_m: tuple[Easting, Easting] | tuple[Easting, Easting, Metres]
     """x, y, and z (up) where it is known, in the user's world."""
     sigma_m: KnownSigma = 0.01
@@ -399,8 +405,8 @@ class Anchor(Strict):
 
 
 class AlignSection(Strict):
-    """Where the site stands in the user's world (z up, metres), such as a robot's map or a building's plan: by places known in both, or
-    by x, y and heading. The map's scale is never changed."""
+    """Where the site stands in the user's world (z up, metres), such as a robot's map or a building's plan: by places
+    known in both, or by x, y and heading. The map's scale is never changed."""
 
     points: Annotated[tuple[AlignPoint, ...], Field(max_length=MOST_PLACES)] = ()
     """Places known in both, two or more."""

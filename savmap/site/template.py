@@ -74,7 +74,8 @@ OF_ROW = """\
 def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path, Path]:
     """Write a site file with a row for each video, and the schema beside it; gives the two paths.
 
-    Raises VideoError for a video that cannot be used, OutputError where a file is there already and `force` is not given.
+    Raises VideoError for a video that cannot be used, OutputError where a file is there already and `force` is not
+    given.
     """
     from savmap.video.reader import probe
 
@@ -90,7 +91,8 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path
 
 
 def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
-    """A commented site file for videos, in a folder; with a made-up video where there are none. It is valid as it stands."""
+    """A commented site file for videos, in a folder; with a made-up video where there are none. It is valid as it
+    stands."""
     rows = [_row(name, one, folder) for name, one in zip(_names(len(videos)), videos, strict=True)]
     made_up = f"  A:\n    passes:\n      - video: aisle.mp4\n{OF_PASS}{OF_ROW}"
     return HEAD + _plugins() + REFERENCES + ("\n".join(rows) or made_up)
@@ -110,7 +112,8 @@ def _names(count: int) -> Iterable[str]:
 
 
 def _plugins() -> str:
-    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a package or is broken."""
+    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a
+    package or is broken."""
     lines = ["", "# Which structures to map, with settings for all rows; rows may say otherwise.", "plugins:"]
     plugins = load_installed()
     lines += [f"#  {name}:  # {reason}" for name, reason in plugins.broken.items()]

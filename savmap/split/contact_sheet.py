@@ -32,8 +32,8 @@ def contact_sheet(
 ) -> Image:
     """RGB picture of the timeline (headings (n,) degrees at times (n,)) above a line for each pass.
 
-    `pictures` are three panoramas a pass, THUMB_WIDTH wide. They are turned so that the direction of travel is in the middle; a green
-    bar marks the sides with structure.
+    `pictures` are three panoramas a pass, THUMB_WIDTH wide. They are turned so that the direction of travel is in the
+    middle; a green bar marks the sides with structure.
     """
     width = _TEXT_WIDTH + 3 * THUMB_WIDTH
     lines = [

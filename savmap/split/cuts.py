@@ -1,4 +1,5 @@
-"""Cuts in a recording: where the picture changes all at once, and what was straight before need not be the same drive after."""
+"""Cuts in a recording: where the picture changes all at once, and what was straight before need not be the same drive
+after."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise

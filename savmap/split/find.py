@@ -27,10 +27,11 @@ def split(
     settings: SplitSettings = DEFAULTS,
     monitor: Monitor | None = None,
 ) -> SplitResult:
-    """Find a recording's passes, and write them into a new site file, or into an existing one (`into`), with a contact sheet.
+    """Find a recording's passes, and write them into a new site file, or into an existing one (`into`), with a contact
+    sheet.
 
-    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found, SiteError and OutputError for
-    files that are in the way or cannot be written.
+    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found, SiteError and
+    OutputError for files that are in the way or cannot be written.
     """
     if into is None:
         check_new(output)

@@ -1,7 +1,7 @@
 """Pairs of small grey panoramas a moment apart, about one pair a second of a long recording, with few frames decoded.
 
-Pairs are sampled at key frames, which are found by seeking, with the few frames until the second picture. Where key frames are
-further apart than samples, the frames between are decoded.
+Pairs are sampled at key frames, which are found by seeking, with the few frames until the second picture. Where key
+frames are further apart than samples, the frames between are decoded.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,8 @@ from savmap.video.footage.corridor import FramePair
 def frame_pairs(
     info: VideoInfo, stamps_s: Sequence[float], settings: SplitSettings, report: DecodeReport
 ) -> Iterator[FramePair]:
-    """The pairs of a recording at times in ascending order, or just after them; `report` counts frames decoded and pairs used.
+    """The pairs of a recording at times in ascending order, or just after them; `report` counts frames decoded and
+    pairs used.
 
     Damaged frames are skipped. Raises VideoError for a file that cannot be read.
     """
@@ -34,7 +35,8 @@ def frame_pairs(
 
 
 def coarse_stamps(info: VideoInfo, every_s: float) -> list[float]:
-    """Times to sample first: key frames at least three quarters of `every_s` apart, and evenly between those further apart."""
+    """Times to sample first: key frames at least three quarters of `every_s` apart, and evenly between those further
+    apart."""
     with open_video(info.path) as (_, stream):
         return sample_stamps(key_times(stream).tolist(), info.duration_s, every_s)
 

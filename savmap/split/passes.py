@@ -19,8 +19,8 @@ _REACH_DEG, _MOST_REACH_S = 8.0, 0.5
 @dataclass(frozen=True, eq=False)
 @array_record
 class _Candidate:
-    """A stretch of a straight with something near alongside: its times, rates and texture (2,) abeam, the share of samples that are
-    near, and how long the camera stood."""
+    """A stretch of a straight with something near alongside: its times, rates and texture (2,) abeam, the share of
+    samples that are near, and how long the camera stood."""
 
     straight: Straight
     start_s: float
@@ -56,8 +56,8 @@ def _along(motions: Sequence[Motion], rig: Floats, line: Straight, settings: Spl
 
 
 def _level(near: Nearness, settings: SplitSettings) -> Floats:
-    """How near the nearer side is abeam (n,), as a share of the nearest around, or of what is usual along the way where everything
-    is far; while the camera stands, as before it stood (or, at the beginning, after)."""
+    """How near the nearer side is abeam (n,), as a share of the nearest around, or of what is usual along the way where
+    everything is far; while the camera stands, as before it stood (or, at the beginning, after)."""
     moving = ~near.still
     usual = np.percentile(near.rates[moving], 80, axis=0)
     counted = _structured(usual, _texture(near, usual), settings)
@@ -91,8 +91,8 @@ def _spans(stamps: Floats) -> Floats:
 
 
 def _best(gains: Floats, first: int, end: int, near: float) -> list[tuple[int, int]]:
-    """Runs of samples in first..end with the largest sum of gains, then those before and after it, in order: dips within a
-    run are passed over where what follows makes up for them (maximum subarray: Bentley 1984)."""
+    """Runs of samples in first..end with the largest sum of gains, then those before and after it, in order: dips
+    within a run are passed over where what follows makes up for them (maximum subarray: Bentley 1984)."""
     if first >= end:
         return []
     sums = np.concatenate([[0.0], np.cumsum(gains[first:end])])
@@ -131,8 +131,9 @@ def _candidate(
 
 
 def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
-    """The time when an end is abeam: half way between a sample inside and its neighbour outside, and further inside by the
-    angle by which apparent motion of what is near reaches over what is behind. The sample's time at the ends of a straight."""
+    """The time when an end is abeam: half way between a sample inside and its neighbour outside, and further inside by
+    the angle by which apparent motion of what is near reaches over what is behind. The sample's time at the ends of a
+    straight."""
     if not 0 <= outside < len(stamps):
         return float(stamps[inside])
     rate = max(near.rates[inside].max(), _REACH_DEG / _MOST_REACH_S)
@@ -141,7 +142,8 @@ def _border(near: Nearness, stamps: Floats, inside: int, outside: int) -> float:
 
 
 def _squared(travels: Sequence[float]) -> list[float]:
-    """Directions of travel with changes rounded to quarter turns where they are nearly that, because sums of turns drift."""
+    """Directions of travel with changes rounded to quarter turns where they are nearly that, because sums of turns
+    drift."""
     squared: list[float] = []
     for index, travel in enumerate(travels):
         change = travel - travels[index - 1] if index else 0.0

@@ -75,7 +75,8 @@ def _after(text: str, node: yaml.Node) -> int:
 
 
 def _past_comments(text: str, at: int, indent: str) -> int:
-    """The index after the comments from `at` on that belong to the last row: they are indented further than its name."""
+    """The index after the comments from `at` on that belong to the last row: they are indented further than its
+    name."""
     found = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
     return found.end() if found else at
 

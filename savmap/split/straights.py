@@ -1,11 +1,12 @@
 """Straights of a recording: stretches between turns, with their directions of travel, and how near things are abeam.
 
-The direction of travel is the rig's heading (the sum of its turning) plus the way it goes in the panorama. A panorama that was
-stabilised to one direction therefore serves as well as one that turns with the cart, and going in reverse is another direction.
+The direction of travel is the rig's heading (the sum of its turning) plus the way it goes in the panorama. A panorama
+that was stabilised to one direction therefore serves as well as one that turns with the cart, and going in reverse is
+another direction.
 
-Along a line at distance d from the way every point passes at the rate v / d once its bearing is allowed for. What is abeam (at right
-angles to the way) is compared with what passes fastest around, ahead and behind: the speed cancels out, and the moment at which the
-end of a row is abeam shows as a step.
+Along a line at distance d from the way every point passes at the rate v / d once its bearing is allowed for. What is
+abeam (at right angles to the way) is compared with what passes fastest around, ahead and behind: the speed cancels out,
+and the moment at which the end of a row is abeam shows as a step.
 """
 
 from collections.abc import Sequence
@@ -30,8 +31,8 @@ _STILL = 1.5
 
 @dataclass(frozen=True)
 class Straight:
-    """Samples `first` to `last` of a stretch without a turn; `way` in the panorama and `travel` (the rig's heading with it),
-    degrees to the right; `travel` goes on counting beyond 180."""
+    """Samples `first` to `last` of a stretch without a turn; `way` in the panorama and `travel` (the rig's heading with
+    it), degrees to the right; `travel` goes on counting beyond 180."""
 
     first: int
     last: int
@@ -49,8 +50,8 @@ def headings(motions: Sequence[Motion]) -> Floats:
 def straights(
     motions: Sequence[Motion], rig: Floats, settings: SplitSettings, cuts_s: Sequence[float] = ()
 ) -> list[Straight]:
-    """The straights of a recording in order, `rig` as from `headings`; those in which nothing moved are left out, and none goes on over
-    a cut (times, ascending, s)."""
+    """The straights of a recording in order, `rig` as from `headings`; those in which nothing moved are left out, and
+    none goes on over a cut (times, ascending, s)."""
     stamps = np.array([motion.stamp_s for motion in motions])
     bounds = [0, *np.searchsorted(stamps, cuts_s).tolist(), len(motions)]
     parts = (slice(first, end) for first, end in pairwise(bounds) if end > first)
@@ -135,8 +136,8 @@ def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float, part: sli
 @dataclass(frozen=True, eq=False)
 @array_record
 class Nearness:
-    """Along a straight of n samples: `rates` (n, 2) abeam, left and right, deg/s; `tops` (n, 2), the fastest on each side; `texture`
-    (n, 2) abeam; `still` (n,), whether the camera stands."""
+    """Along a straight of n samples: `rates` (n, 2) abeam, left and right, deg/s; `tops` (n, 2), the fastest on each
+    side; `texture` (n, 2) abeam; `still` (n,), whether the camera stands."""
 
     rates: Floats
     tops: Floats

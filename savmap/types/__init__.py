@@ -1,8 +1,8 @@
 """The records that flow through savmap. Frames and conventions: docs/conventions.md.
 
-World frame of a row: metres; x along the aisle to the right as one faces the row, y up from the floor, z out of the face
-towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x right, y down, z forward. Pixel centres are
-at integer coordinates.
+World frame of a row: metres; x along the aisle to the right as one faces the row, y up from the floor, z out of the
+face towards the camera; the face is z = 0. Rig frame (panorama) and view frame: x right, y down, z forward. Pixel
+centres are at integer coordinates.
 """
 
 from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, Place, array_record

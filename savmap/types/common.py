@@ -15,8 +15,8 @@ Place = Mapping[str, int | float | str]
 
 @dataclass(frozen=True)
 class Measured:
-    """A number with its standard deviation, in the unit that its name ends with ("height_m"). Raises ValueError for a sigma that is
-    negative or a number that is not finite."""
+    """A number with its standard deviation, in the unit that its name ends with ("height_m"). Raises ValueError for a
+    sigma that is negative or a number that is not finite."""
 
     value: float
     sigma: float

@@ -1,5 +1,5 @@
-"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, what is expected there, and how
-deep flat parts lie."""
+"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, what is expected
+there, and how deep flat parts lie."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,9 +15,9 @@ from savmap.types.common import Axis, Floats, Ints, array_record, require
 class PlanePatch:
     """A rectangle of a plane in the row's frame, in square cells.
 
-    `origin` (3,) is its lower left corner; `right` and `up` (3,) are unit vectors along its sides; `size` (2,) is its width and
-    height, and `cell` the side of a cell, all in the unit of the camera's path: metres where references give its scale. Row 0 of
-    the cells is at the top.
+    `origin` (3,) is its lower left corner; `right` and `up` (3,) are unit vectors along its sides; `size` (2,) is its
+    width and height, and `cell` the side of a cell, all in the unit of the camera's path: metres where references give
+    its scale. Row 0 of the cells is at the top.
     """
 
     name: str
@@ -62,8 +62,9 @@ class PlanePatch:
 @dataclass(frozen=True, eq=False)
 @array_record
 class PlaneEvidence:
-    """What the pictures show of a patch on average: `mean` (classes, rows, columns) are the classes' probabilities, `weight` (rows,
-    columns) how much was seen of a cell (0: nothing), and `picture` (rows, columns, 3) uint8 RGB the patch itself."""
+    """What the pictures show of a patch on average: `mean` (classes, rows, columns) are the classes' probabilities,
+    `weight` (rows, columns) how much was seen of a cell (0: nothing), and `picture` (rows, columns, 3) uint8 RGB the
+    patch itself."""
 
     patch: PlanePatch
     classes: tuple[str, ...]
@@ -79,10 +80,12 @@ class PlaneEvidence:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Expected:
-    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the path.
+    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the
+    path.
 
-    `absent`: what was tracked there and is none. What is measured there again is left out. `in_pieces`: it shows in pieces of which a network may see
-    nothing; where it does not, what is coloured like the others of its class is measured.
+    `absent`: what was tracked there and is none. What is measured there again is left out. `in_pieces`: it shows in
+    pieces of which a network may see nothing; where it does not, what is coloured like the others of its class is
+    measured.
     """
 
     label: str
@@ -97,11 +100,13 @@ class Expected:
 @dataclass(frozen=True, eq=False)
 @array_record
 class FlatParts:
-    """Flat parts of a structure that lie in one plane across an axis of the row's frame. What shows on them may tell how deep it lies.
+    """Flat parts of a structure that lie in one plane across an axis of the row's frame. What shows on them may tell
+    how deep it lies.
 
-    `landmark` is one of the plugin's own, whose coordinate along `axis` is the plane's. `parts` are rectangles where the parts were seen,
-    in the plane as it is known so far, with sides that are parallel from part to part; `right` x `up` points to the camera, along the axis
-    or against it. Their numbers are in the unit of the path. What shows on the parts stands out from them by `proud_m` +- `proud_sigma_m`.
+    `landmark` is one of the plugin's own, whose coordinate along `axis` is the plane's. `parts` are rectangles where
+    the parts were seen, in the plane as it is known so far, with sides that are parallel from part to part; `right` x
+    `up` points to the camera, along the axis or against it. Their numbers are in the unit of the path. What shows on
+    the parts stands out from them by `proud_m` +- `proud_sigma_m`.
     """
 
     landmark: str
@@ -119,9 +124,10 @@ class FlatParts:
 @dataclass(frozen=True, eq=False)
 @array_record
 class FlatDepth:
-    """How deep flat parts of a plugin lie: the coordinate of what shows on them is `share` +- `sigma` of the camera's mean coordinate along
-    the same axis in `frames` (n,), for no reference has given the path its scale yet. `sections`: how many sections of the parts say so.
-    `proud_m` +- `proud_sigma_m`: how far along the axis what shows on the parts stands out from them."""
+    """How deep flat parts of a plugin lie: the coordinate of what shows on them is `share` +- `sigma` of the camera's
+    mean coordinate along the same axis in `frames` (n,), for no reference has given the path its scale yet. `sections`:
+    how many sections of the parts say so. `proud_m` +- `proud_sigma_m`: how far along the axis what shows on the parts
+    stands out from them."""
 
     plugin: str
     landmark: str

@@ -20,7 +20,8 @@ SIGMA, METRES = "_sigma_m", "_m"
 ASSUMED_M = 0.03
 """A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption."""
 ENDS = ("ends", "edges")
-"""Attributes in which plugins say which ends were not measured: "top assumed", "upper edge not seen", "neither edge seen"."""
+"""Attributes in which plugins say which ends were not measured: "top assumed", "upper edge not seen", "neither edge
+seen"."""
 OFF_SIGMAS = 3.0
 """What differs by more standard deviations than these is contradicted."""
 
@@ -28,9 +29,11 @@ OFF_SIGMAS = 3.0
 @dataclass(frozen=True, eq=False)
 @array_record
 class Solid:
-    """The space that a structure fills: a flat outline (n, 3) m in the row's frame, corners in order, pushed along `depth` (3,) m.
+    """The space that a structure fills: a flat outline (n, 3) m in the row's frame, corners in order, pushed along
+    `depth` (3,) m.
 
-    `assumed`: the depth was neither measured nor given. `ifc_class`: what the structure is in a building model, such as IfcBeam.
+    `assumed`: the depth was neither measured nor given. `ifc_class`: what the structure is in a building model, such as
+    IfcBeam.
     """
 
     outline: Floats
@@ -46,8 +49,9 @@ class Solid:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Structure:
-    """A mapped structure: vertices (n, 3) m in the row's frame with covariances (n, 3, 3) m^2 and labels (n), edges (m, 2),
-    pairs of vertex numbers from 0, and the space that it fills, where its plugin knows that (None: it is lines alone)."""
+    """A mapped structure: vertices (n, 3) m in the row's frame with covariances (n, 3, 3) m^2 and labels (n), edges (m,
+    2), pairs of vertex numbers from 0, and the space that it fills, where its plugin knows that (None: it is lines
+    alone)."""
 
     id: str
     label: str
@@ -68,8 +72,8 @@ class Structure:
         require(len(self.vertex_labels) == count, self, "vertices and vertex_labels differ in number")
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
-        """Lengths among its attributes that have a standard deviation: name in words, such as "clear width", m, m. One is `Measured`, or "width_m"
-        goes with "width_sigma_m"."""
+        """Lengths among its attributes that have a standard deviation: name in words, such as "clear width", m, m. One
+        is `Measured`, or "width_m" goes with "width_sigma_m"."""
         for key, given in self.attributes.items():
             if key.endswith(METRES) and isinstance(given, Measured):
                 yield key.removesuffix(METRES).replace("_", " "), given.value, given.sigma
@@ -78,8 +82,9 @@ class Structure:
                 yield key.removesuffix(SIGMA).replace("_", " "), float(value), float(given)
 
     def assumed(self, plugin: str, joint: "JointCovariance | None") -> Bools:
-        """For each vertex and axis (n, 3) whether nothing measured the coordinate: its plugin takes it to be so, such as where a post ends that goods
-        hide. It is unsure and was not solved for, as far as `joint` knows, or it is the least sure one of an end that its plugin says it assumes."""
+        """For each vertex and axis (n, 3) whether nothing measured the coordinate: its plugin takes it to be so, such
+        as where a post ends that goods hide. It is unsure and was not solved for, as far as `joint` knows, or it is the
+        least sure one of an end that its plugin says it assumes."""
         variances = np.diagonal(self.covariances, axis1=1, axis2=2)
         solved = [joint is None or joint.solved(plugin, self, number) for number in range(len(self.vertices))]
         unsure = (variances > ASSUMED_M**2) & ~np.array([np.broadcast_to(own, 3) for own in solved], bool).reshape(
@@ -89,7 +94,8 @@ class Structure:
         return assumed
 
     def _told_ends(self) -> Bools:
-        """Which vertices (n,) its plugin says that it assumes, by the words of their labels; all, where it names none."""
+        """Which vertices (n,) its plugin says that it assumes, by the words of their labels; all, where it names
+        none."""
         told = np.zeros(len(self.vertices), bool)
         for text in (self.attributes[key] for key in ENDS if isinstance(self.attributes.get(key), str)):
             words = set(str(text).split())
@@ -103,9 +109,10 @@ class Structure:
 class CrossRowLandmark:
     """A point of a structure that another row may have mapped too.
 
-    `id` is the structure's. Landmarks of one `kind` look alike, so that one may be taken for another. `place` (3,) m in the row's
-    frame has `covariance` (3, 3) m^2. `axes` are those of the row along which both rows see the landmark in the same place.
-    `behind_m`: only rows back to back share the landmark, with faces no further apart than that; None: any rows may.
+    `id` is the structure's. Landmarks of one `kind` look alike, so that one may be taken for another. `place` (3,) m in
+    the row's frame has `covariance` (3, 3) m^2. `axes` are those of the row along which both rows see the landmark in
+    the same place. `behind_m`: only rows back to back share the landmark, with faces no further apart than that; None:
+    any rows may.
     """
 
     id: str
@@ -122,8 +129,9 @@ class CrossRowLandmark:
 
 @dataclass(frozen=True)
 class ReferenceUse:
-    """A reference of the solve: its name, the given value, its given standard deviation and the solved value, all in `unit`. `softened`: the larger
-    standard deviation that it was used with, where references contradict one another. `left_out`: it was not used."""
+    """A reference of the solve: its name, the given value, its given standard deviation and the solved value, all in
+    `unit`. `softened`: the larger standard deviation that it was used with, where references contradict one another.
+    `left_out`: it was not used."""
 
     name: str
     value: float
@@ -156,10 +164,11 @@ class ReferenceUse:
 @dataclass(frozen=True, eq=False)
 @array_record
 class JointCovariance:
-    """How the errors of a row's vertices go together: what two of them share does not count in the distance between them.
+    """How the errors of a row's vertices go together: what two of them share does not count in the distance between
+    them.
 
-    `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that it is, -1 where it shares
-    its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
+    `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that
+    it is, -1 where it shares its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
     """
 
     coordinates: Mapping[str, Mapping[str, Ints]]
@@ -169,7 +178,8 @@ class JointCovariance:
         require(self.covariance.shape == (len(self.covariance),) * 2, self, "covariance must be (n, n)")
 
     def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
-        """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the vertex's number."""
+        """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the
+        vertex's number."""
         if (first[0], first[1].id, first[2]) == (second[0], second[1].id, second[2]):
             return np.zeros((3, 3))
         numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
@@ -196,9 +206,9 @@ SKIPPED = "frames skipped"
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMap:
-    """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report, the part of a plane, in
-    metres, that is the row's face where a plugin says so (which map files do not hold), the verdict (None: nobody judged), and how the errors of the
-    vertices go together (None: not known)."""
+    """The map of one row: frames, views by name, trajectory, structures by plugin, references, figures for the report,
+    the part of a plane, in metres, that is the row's face where a plugin says so (which map files do not hold), the
+    verdict (None: nobody judged), and how the errors of the vertices go together (None: not known)."""
 
     name: str
     frames: FrameTable
@@ -220,8 +230,9 @@ class RowMap:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Placement:
-    """Where a row stands in the site's frame (y up, metres): its origin at (x, 0, z), its x axis turned by `heading_deg` about y,
-    counter-clockwise as seen from above. `covariance` (3, 3) of x m, z m and heading in degrees."""
+    """Where a row stands in the site's frame (y up, metres): its origin at (x, 0, z), its x axis turned by
+    `heading_deg` about y, counter-clockwise as seen from above. `covariance` (3, 3) of x m, z m and heading in
+    degrees."""
 
     x_m: float
     z_m: float
@@ -246,13 +257,15 @@ class Placement:
         return moved
 
     def covariances(self, points: Floats, covariances: Floats) -> Floats:
-        """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame; the placement's own covariance is added."""
+        """Covariances (n, 3, 3) of points (n, 3) of the row, in the site's frame; the placement's own covariance is
+        added."""
         turn, slopes = self.site_from_row[:3, :3], self.slopes(points)
         whole: Floats = turn @ covariances @ turn.T + slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
         return whole
 
     def slopes(self, points: Floats) -> Floats:
-        """Derivatives (n, 3, 3) of points (n, 3) of the row, in the site's frame, by x m, z m and heading in degrees."""
+        """Derivatives (n, 3, 3) of points (n, 3) of the row, in the site's frame, by x m, z m and heading in
+        degrees."""
         arm = points @ self.site_from_row[:3, :3].T
         slopes: Floats = np.zeros((len(points), 3, 3))
         slopes[:, 0, 0] = slopes[:, 2, 1] = 1.0
@@ -263,9 +276,10 @@ class Placement:
 @dataclass(frozen=True, eq=False)
 @array_record
 class AlignmentResidual:
-    """How far a place of the map is from where the user knows it, after the alignment: `residual_m` (3,) is the given place less the map's, in
-    the world's axes, `sigma_m` (3,) its standard deviation; of a line, across it. Both are NaN along axes that were not given. `deviation` is
-    the residual in standard deviations. `used`: whether the alignment rests on it, too."""
+    """How far a place of the map is from where the user knows it, after the alignment: `residual_m` (3,) is the given
+    place less the map's, in the world's axes, `sigma_m` (3,) its standard deviation; of a line, across it. Both are NaN
+    along axes that were not given. `deviation` is the residual in standard deviations. `used`: whether the alignment
+    rests on it, too."""
 
     row: str
     at: str
@@ -281,10 +295,11 @@ class AlignmentResidual:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Alignment:
-    """Where the site stands in the user's world (z up, metres): the site's x axis points `heading_deg` counter-clockwise from the world's,
-    its origin is at (x, y, z). `covariance` (3, 3) of x m, y m and heading in degrees. `anchor`: latitude and longitude, degrees (WGS 84), of
-    the world's origin, if its x axis points east and its y axis north. `residuals`: of the places that it was solved from. `scale`: how much
-    longer the user's distances between them are than the map's, which stays as it is (None: they do not tell)."""
+    """Where the site stands in the user's world (z up, metres): the site's x axis points `heading_deg`
+    counter-clockwise from the world's, its origin is at (x, y, z). `covariance` (3, 3) of x m, y m and heading in
+    degrees. `anchor`: latitude and longitude, degrees (WGS 84), of the world's origin, if its x axis points east and
+    its y axis north. `residuals`: of the places that it was solved from. `scale`: how much longer the user's distances
+    between them are than the map's, which stays as it is (None: they do not tell)."""
 
     x_m: float
     y_m: float
@@ -323,8 +338,8 @@ class Alignment:
 class CrossRowMatch:
     """A structure, or a stretch of frames, that two rows have in common, by its id in either row.
 
-    `residual_m` (3,) is b's place less a's in the site's frame, once the rows are placed; `sigma_m` (3,) is its standard
-    deviation. Both are NaN along axes that the match does not measure.
+    `residual_m` (3,) is b's place less a's in the site's frame, once the rows are placed; `sigma_m` (3,) is its
+    standard deviation. Both are NaN along axes that the match does not measure.
     """
 
     row_a: str
@@ -340,9 +355,9 @@ class CrossRowMatch:
 class SiteMap:
     """The map of a site.
 
-    `rows`: the mapped rows by name. `made_by`: versions of software and models. `failed`: rows that could not be mapped, and why.
-    `placements`: where rows stand in the site's frame, as far as that is known. `matches`: what neighbouring rows have in common.
-    `alignment`: where the site stands in the user's world, where that is known.
+    `rows`: the mapped rows by name. `made_by`: versions of software and models. `failed`: rows that could not be
+    mapped, and why. `placements`: where rows stand in the site's frame, as far as that is known. `matches`: what
+    neighbouring rows have in common. `alignment`: where the site stands in the user's world, where that is known.
     """
 
     rows: Mapping[str, RowMap]
@@ -353,9 +368,10 @@ class SiteMap:
     alignment: Alignment | None = None
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label), position x_m, y_m, z_m and
-        standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, assumed (the axes along which nothing measured it, such as "y"), doubts
-        (what the row's verdict says against the structure, or the whole row; empty where it says nothing), and the structure's attributes."""
+        """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label),
+        position x_m, y_m, z_m and standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, assumed (the
+        axes along which nothing measured it, such as "y"), doubts (what the row's verdict says against the structure,
+        or the whole row; empty where it says nothing), and the structure's attributes."""
         import pandas  # slow to import
 
         return pandas.DataFrame(list(self._vertices()))
@@ -371,7 +387,8 @@ class SiteMap:
 
     @property
     def banner(self) -> str:
-        """Which rows could not be mapped, and which must be checked before their map is used, in one line; "" where there are none."""
+        """Which rows could not be mapped, and which must be checked before their map is used, in one line; "" where
+        there are none."""
         doubtful = [name for name, row in self.rows.items() if row.verdict and row.verdict.doubts]
         count = len(self.rows.keys() | self.failed.keys())
         parts = (([*self.failed], "could not be mapped"), (doubtful, "must be checked"))

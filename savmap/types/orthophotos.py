@@ -1,4 +1,5 @@
-"""Records of orthophotos: the upright strips that are cut from panoramas for them, and the picture of a face in metres."""
+"""Records of orthophotos: the upright strips that are cut from panoramas for them, and the picture of a face in
+metres."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,8 +14,8 @@ from savmap.types.pictures import ViewSpec
 @dataclass(frozen=True, eq=False)
 @array_record
 class Strip:
-    """What a panorama showed straight ahead of the face: its frame, the name of the view that was cut, and the picture (n,) uint8,
-    the bytes of a JPEG."""
+    """What a panorama showed straight ahead of the face: its frame, the name of the view that was cut, and the picture
+    (n,) uint8, the bytes of a JPEG."""
 
     frame: int
     view: str
@@ -24,7 +25,8 @@ class Strip:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Still:
-    """A panorama that is kept to be looked at: its frame, and the picture (n,) uint8, the bytes of a JPEG, smaller than the frame."""
+    """A panorama that is kept to be looked at: its frame, and the picture (n,) uint8, the bytes of a JPEG, smaller than
+    the frame."""
 
     frame: int
     picture: NDArray[np.uint8]
@@ -33,7 +35,8 @@ class Still:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowStrips:
-    """The strips of a row, in the order of its frames, and the views that they are by name; and whole panoramas of some of the frames."""
+    """The strips of a row, in the order of its frames, and the views that they are by name; and whole panoramas of some
+    of the frames."""
 
     views: Mapping[str, ViewSpec] = field(default_factory=dict)
     strips: tuple[Strip, ...] = ()
@@ -45,8 +48,9 @@ class RowStrips:
 class Orthophoto:
     """A face as all frames show it, without perspective.
 
-    `origin` (3,) m is the lower left corner of the picture in the row's frame; `right` and `up` (3,) are unit vectors along its sides;
-    `pixel_m` is the side of a pixel. `width` and `height` are in pixels, and `picture` (n,) uint8 holds the bytes of a JPEG.
+    `origin` (3,) m is the lower left corner of the picture in the row's frame; `right` and `up` (3,) are unit vectors
+    along its sides; `pixel_m` is the side of a pixel. `width` and `height` are in pixels, and `picture` (n,) uint8
+    holds the bytes of a JPEG.
     """
 
     origin: Floats
@@ -62,11 +66,13 @@ class Orthophoto:
 
     @property
     def face_from_pixel(self) -> Floats:
-        """Transform (3, 3) from (column, row, 1), whole at pixels' centres, to (metres along `right`, along `up`, 1)."""
+        """Transform (3, 3) from (column, row, 1), whole at pixels' centres, to (metres along `right`, along `up`,
+        1)."""
         half = self.pixel_m / 2
         return np.array([[self.pixel_m, 0, half], [0, -self.pixel_m, self.pixel_m * self.height - half], [0, 0, 1]])
 
     def on_picture(self, points: Floats) -> Floats:
-        """Places (n, 2) of points (n, 3) m of the row: pixels to the right of and below the picture's upper left corner."""
+        """Places (n, 2) of points (n, 3) m of the row: pixels to the right of and below the picture's upper left
+        corner."""
         along = (points - self.origin) @ np.stack([self.right, self.up], axis=1) / self.pixel_m
         return np.stack([along[:, 0], self.height - along[:, 1]], axis=1)

@@ -15,7 +15,8 @@ from savmap.types.common import Axis, Floats, Ints, array_record, require
 @dataclass(frozen=True, eq=False)
 @array_record
 class Panorama:
-    """One equirectangular picture: `frame` is its number in the row, `stamp_s` the time in its video, `image` (H, 2H, 3) uint8 RGB."""
+    """One equirectangular picture: `frame` is its number in the row, `stamp_s` the time in its video, `image` (H, 2H,
+    3) uint8 RGB."""
 
     frame: int
     stamp_s: float
@@ -37,7 +38,8 @@ class Panorama:
 
 @dataclass(frozen=True)
 class ViewSpec:
-    """Direction and size of a rectilinear view: angles in degrees as `pinhole.rig_from_view` takes them, size in pixels.
+    """Direction and size of a rectilinear view: angles in degrees as `pinhole.rig_from_view` takes them, size in
+    pixels.
 
     The view is rendered from frames whose number in the row is a multiple of `every`.
     """
@@ -81,9 +83,9 @@ class ViewSpec:
 class ViewPlan:
     """The views that a plugin wants of one pass.
 
-    A plugin that locates the face also gives the rig's attitude `world_from_rig` (3, 3) at the start of the pass, and `travel`,
-    which way the camera goes along the face (+1: towards +x, -1: towards -x, 0: not known). `notes` are lines for the log and the
-    report.
+    A plugin that locates the face also gives the rig's attitude `world_from_rig` (3, 3) at the start of the pass, and
+    `travel`, which way the camera goes along the face (+1: towards +x, -1: towards -x, 0: not known). `notes` are lines
+    for the log and the report.
     """
 
     views: tuple[ViewSpec, ...]
@@ -107,8 +109,8 @@ class View:
 
 
 class Thresholds(NamedTuple):
-    """Probabilities: above `pixel` a pixel belongs to a class; between `weak` and it where nothing nearby is twice as likely; and a region must
-    exceed `seed` somewhere."""
+    """Probabilities: above `pixel` a pixel belongs to a class; between `weak` and it where nothing nearby is twice as
+    likely; and a region must exceed `seed` somewhere."""
 
     pixel: float
     weak: float
@@ -123,8 +125,8 @@ class Thresholds(NamedTuple):
 @dataclass(frozen=True, eq=False)
 @array_record
 class Detection:
-    """One connected region of a class: its label, its mean probability `score`, its `mask` (h, w), and the class's `probability`
-    (h, w) float32 over the whole view, which all detections of the class share."""
+    """One connected region of a class: its label, its mean probability `score`, its `mask` (h, w), and the class's
+    `probability` (h, w) float32 over the whole view, which all detections of the class share."""
 
     label: str
     score: float
@@ -144,10 +146,11 @@ class Detection:
 class Feature:
     """An observed point (n = 1) or straight edge (n = 2, its ends) in a view.
 
-    `pixels` (n, 2); `covariance` (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` the point or edge of the
-    object ("left", "upper left", "centre"). `instance` numbers the object within its frame, view and label; `neighbours` are
-    instances that it touches, by role. `axis` is the world axis that an edge follows, if known. `readings` are texts read on the
-    object, with confidences 0..1. `expected`: whether it was looked for where all frames together show an object of its class.
+    `pixels` (n, 2); `covariance` (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` the point or
+    edge of the object ("left", "upper left", "centre"). `instance` numbers the object within its frame, view and label;
+    `neighbours` are instances that it touches, by role. `axis` is the world axis that an edge follows, if known.
+    `readings` are texts read on the object, with confidences 0..1. `expected`: whether it was looked for where all
+    frames together show an object of its class.
     """
 
     frame: int

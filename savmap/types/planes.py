@@ -16,8 +16,8 @@ Plane = NDArray[np.uint8]
 @dataclass(frozen=True, eq=False)
 @array_record
 class Planes:
-    """A picture in 4:2:0: luma (H, W), blue and red difference (H/2, W/2), all uint8, and the matrix rgb_from_yuv (3, 4) for
-    (luma, blue, red, 1)."""
+    """A picture in 4:2:0: luma (H, W), blue and red difference (H/2, W/2), all uint8, and the matrix rgb_from_yuv (3,
+    4) for (luma, blue, red, 1)."""
 
     luma: Plane
     blue: Plane

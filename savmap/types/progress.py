@@ -9,11 +9,12 @@ log = logging.getLogger("savmap")
 
 
 class Monitor(Protocol):
-    """The calls by which long work reports: give an object with these methods to show progress in your own program. Work within work, and
-    rows that are mapped at the same time, in threads of their own, call them too."""
+    """The calls by which long work reports: give an object with these methods to show progress in your own program.
+    Work within work, and rows that are mapped at the same time, in threads of their own, call them too."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        """Yield the items while the work on each is done; `doing` says what that is, `total` how many items there are."""
+        """Yield the items while the work on each is done; `doing` says what that is, `total` how many items there
+        are."""
         ...
 
     def note(self, line: str) -> None:

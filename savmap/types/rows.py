@@ -14,8 +14,8 @@ from savmap.types.pictures import ViewSpec
 class Track:
     """One physical point, observed in many frames.
 
-    `name` is its label in the map ("bay 3 / beam 2 / upper left"), `label` its class, `place` its position in the structure,
-    as the plugin numbers it. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
+    `name` is its label in the map ("bay 3 / beam 2 / upper left"), `label` its class, `place` its position in the
+    structure, as the plugin numbers it. frames (n,), views n names, pixels (n, 2), covariances (n, 2, 2) px^2.
     """
 
     name: str
@@ -39,7 +39,8 @@ class Track:
 @dataclass(frozen=True, eq=False)
 @array_record
 class FrameTable:
-    """The frames 0..n-1 of a row: `stamps_s` (n,) is the time in the frame's own video, `passes` (n) the name of its pass."""
+    """The frames 0..n-1 of a row: `stamps_s` (n,) is the time in the frame's own video, `passes` (n) the name of its
+    pass."""
 
     stamps_s: Floats
     passes: tuple[str, ...]
@@ -58,8 +59,8 @@ class FrameTable:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Trajectory:
-    """Poses `world_from_rig` (n, 4, 4) of the `frames` (n,) whose pose is known, in the row's frame, m, and the standard deviation
-    of the positions (n, 3) m, where that is known."""
+    """Poses `world_from_rig` (n, 4, 4) of the `frames` (n,) whose pose is known, in the row's frame, m, and the
+    standard deviation of the positions (n, 3) m, where that is known."""
 
     frames: Ints
     world_from_rig: Floats
@@ -72,8 +73,8 @@ class Trajectory:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowFacts:
-    """What a plugin is told of its row: its name, the frames, the views by name, and for each pass which way the camera went
-    along the face (+1: towards +x, -1: towards -x, 0: not known)."""
+    """What a plugin is told of its row: its name, the frames, the views by name, and for each pass which way the camera
+    went along the face (+1: towards +x, -1: towards -x, 0: not known)."""
 
     name: str
     frames: FrameTable

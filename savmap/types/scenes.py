@@ -1,7 +1,7 @@
 """Made-up scenes: what they are made of, what a plugin is told of a place, and what it adds to it.
 
-World frame of a scene: x along the aisle, y up from the floor, z out of the first row's face (its face is z = 0); metres.
-A row's frame is the same for a row that faces +z; one that faces -z has its own x axis along -x of the world.
+World frame of a scene: x along the aisle, y up from the floor, z out of the first row's face (its face is z = 0);
+metres. A row's frame is the same for a row that faces +z; one that faces -z has its own x axis along -x of the world.
 """
 
 from collections.abc import Mapping, Sequence
@@ -54,7 +54,8 @@ class Box:
     """A box: `size` (3,) m along its own axes, `center` (3,) m, `rotation` (3, 3) world_from_box.
 
     `face_labels` names the class that a segmentation network should give the pixels of a face (the others: background).
-    `prints`: pictures (h, w, 3) uint8 sRGB that cover upright faces of it (x and z), the right way up as seen from outside.
+    `prints`: pictures (h, w, 3) uint8 sRGB that cover upright faces of it (x and z), the right way up as seen from
+    outside.
     """
 
     center: Floats
@@ -165,7 +166,8 @@ class RowFrame:
 
 @dataclass(frozen=True)
 class RowSize:
-    """How far a row's structure reaches from the row's origin, m: `length` along the aisle, `height` above the floor."""
+    """How far a row's structure reaches from the row's origin, m: `length` along the aisle, `height` above the
+    floor."""
 
     length: float
     height: float
@@ -173,7 +175,8 @@ class RowSize:
 
 @dataclass(frozen=True)
 class Front:
-    """A labelled front in a row's face: its class, its lowest and its highest corner (x, y, z) in the row's frame, m."""
+    """A labelled front in a row's face: its class, its lowest and its highest corner (x, y, z) in the row's frame,
+    m."""
 
     label: str
     low: Corner
@@ -184,8 +187,8 @@ class Front:
 class Site:
     """What a plugin may know of the place around its structure.
 
-    `frames`: the rows by name. `sizes` and `fronts`, by row: what the plugins before it in the scene file have built there.
-    `aisle`: the width of the camera's aisle, m, where it has a face on both sides or is still to be furnished.
+    `frames`: the rows by name. `sizes` and `fronts`, by row: what the plugins before it in the scene file have built
+    there. `aisle`: the width of the camera's aisle, m, where it has a face on both sides or is still to be furnished.
     """
 
     hall: Hall
@@ -212,10 +215,10 @@ class Support:
 class SceneParts:
     """What a plugin adds to a scene: boxes, its entries of each mapped row's survey, and surfaces for goods.
 
-    `sizes`: how large the rows are whose face the structure makes. `distractors`: boxes that look like the structure and are none; they are
-    never labelled. `without`: what the simulator must leave out of the place, because it would be taken for the structure or hide it.
-    `references` and `site_rows`, by row: what a user would know of the row without mapping it (references.json), and how
-    the row's entry in the site file says that.
+    `sizes`: how large the rows are whose face the structure makes. `distractors`: boxes that look like the structure
+    and are none; they are never labelled. `without`: what the simulator must leave out of the place, because it would
+    be taken for the structure or hide it. `references` and `site_rows`, by row: what a user would know of the row
+    without mapping it (references.json), and how the row's entry in the site file says that.
     """
 
     boxes: Sequence[Box]
@@ -232,8 +235,8 @@ class SceneParts:
 class RandomSection:
     """What a random scene holds of a plugin's structure: the `section` that its `scene` hook takes.
 
-    A structure that makes the rows' faces also gives these `rows`, with their `sizes`, and the `colors` that goods may share
-    with it.
+    A structure that makes the rows' faces also gives these `rows`, with their `sizes`, and the `colors` that goods may
+    share with it.
     """
 
     section: Mapping[str, Any]

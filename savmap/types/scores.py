@@ -13,7 +13,8 @@ from savmap.types.common import Floats, array_record
 @dataclass(frozen=True, eq=False)
 @array_record
 class Distances:
-    """Points scored by their distance to the survey's: matched distances (n,) m, and how many points have no partner."""
+    """Points scored by their distance to the survey's: matched distances (n,) m, and how many points have no
+    partner."""
 
     distances_m: Floats
     missing: int = 0
@@ -27,8 +28,8 @@ class Score:
     errors: truth - estimate (n,) m by class of measure; all of them make up the mean absolute error. coordinates: the
     same for edge coordinates in the row's frame, which widths hide. missing, spurious: counts by class of element.
     apart: points under a heading of their own, outside the mean. deviations: by structure id, its largest edge error in
-    m (infinite where it is spurious). begins_m: where the survey's x has the map's x = 0, where that is known to lie elsewhere than at the
-    survey's own: the map lacks the row's beginning.
+    m (infinite where it is spurious). begins_m: where the survey's x has the map's x = 0, where that is known to lie
+    elsewhere than at the survey's own: the map lacks the row's beginning.
     """
 
     errors: Mapping[str, Floats] = field(default_factory=dict)
@@ -49,7 +50,8 @@ class Survey:
 
 @dataclass(frozen=True)
 class SurveyEntry:
-    """One plugin's part of a row's entry in a survey: its keys, and, by id, why elements that were given are not in it."""
+    """One plugin's part of a row's entry in a survey: its keys, and, by id, why elements that were given are not in
+    it."""
 
     values: Mapping[str, Any]
     left_out: Mapping[str, str] = field(default_factory=dict)
@@ -57,8 +59,9 @@ class SurveyEntry:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The scores of the rows that are both in the map and in the survey, and the rows that are in one only. `deviations`: by row, plugin and
-    structure id, as in a plugin's `Score`, for plugins do not know one another's ids."""
+    """The scores of the rows that are both in the map and in the survey, and the rows that are in one only.
+    `deviations`: by row, plugin and structure id, as in a plugin's `Score`, for plugins do not know one another's
+    ids."""
 
     rows: Mapping[str, Score]
     not_mapped: tuple[str, ...] = ()
@@ -71,7 +74,8 @@ class Evaluation:
 
 
 def pool(scores: Iterable[Score]) -> Score:
-    """All scores as one: errors side by side, counts added. Of structures with the same id, the last one's deviation is kept."""
+    """All scores as one: errors side by side, counts added. Of structures with the same id, the last one's deviation is
+    kept."""
     parts = list(scores)
     return Score(
         errors=_concatenated(score.errors for score in parts),

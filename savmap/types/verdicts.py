@@ -8,9 +8,9 @@ from typing import Literal
 from savmap.types.common import require
 
 DoubtKind = Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals", "site"]
-"""What a doubt comes from: a given value that the pictures contradict; odd and even frames that disagree; a structure that few of the
-frames show that should; an implausible shape or place among its likes; what the footage is; how the camera went; measurements that do
-not fit; rows that do not fit one another, or the places they were given."""
+"""What a doubt comes from: a given value that the pictures contradict; odd and even frames that disagree; a structure
+that few of the frames show that should; an implausible shape or place among its likes; what the footage is; how the
+camera went; measurements that do not fit; rows that do not fit one another, or the places they were given."""
 
 MOST_WORDS = 8
 """Of a headline."""
@@ -23,12 +23,14 @@ SIZE = re.compile(r"(\d+\.?\d*) (?:m|cm|mm|degrees) (?:off|apart)\b")
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something that speaks against a part of a map: a `headline` of at most eight words that says what, without names, so that doubts of one cause
-    have the same; one `figure` with its unit, "" where there is none; and an `action`, an imperative sentence that ends with a colon and the
-    names that it is about, where it is about any. `details`: further lines, for those who ask.
+    """Something that speaks against a part of a map: a `headline` of at most eight words that says what, without names,
+    so that doubts of one cause have the same; one `figure` with its unit, "" where there is none; and an `action`, an
+    imperative sentence that ends with a colon and the names that it is about, where it is about any. `details`: further
+    lines, for those who ask.
 
-    `structures`: ids of those that it is about, none where it is about the whole row. `place` (3,) m in the row's frame, and `frame`,
-    the number of one that shows it best, where that is known. `minor`: it is told as a note, and is no reason to check the map."""
+    `structures`: ids of those that it is about, none where it is about the whole row. `place` (3,) m in the row's
+    frame, and `frame`, the number of one that shows it best, where that is known. `minor`: it is told as a note, and is
+    no reason to check the map."""
 
     kind: DoubtKind
     headline: str
@@ -59,8 +61,8 @@ class Doubt:
 
 
 def by_cause(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
-    """The doubts, those of one cause as one: they are of one kind and have the same headline. Its figure is how many they are, and the worst one's; its
-    details are their lines."""
+    """The doubts, those of one cause as one: they are of one kind and have the same headline. Its figure is how many
+    they are, and the worst one's; its details are their lines."""
     causes: dict[tuple[str, str], list[Doubt]] = {}
     for doubt in doubts:
         causes.setdefault((doubt.kind, doubt.headline), []).append(doubt)
@@ -95,8 +97,9 @@ def _common_action(actions: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a row's map may be used as it is: where nothing speaks against it, it is `trusted`; otherwise a person should `check`
-    what the doubts name. `notes`, one line each: what the verdict rests on that nothing checks; they are no doubts."""
+    """Whether a row's map may be used as it is: where nothing speaks against it, it is `trusted`; otherwise a person
+    should `check` what the doubts name. `notes`, one line each: what the verdict rests on that nothing checks; they are
+    no doubts."""
 
     doubts: tuple[Doubt, ...] = ()
     notes: tuple[str, ...] = ()

@@ -1,7 +1,8 @@
 """What a file says of the camera: its projection, stereo, how it was held, and whether its pictures are to be turned.
 
-FFmpeg reads it from MP4's boxes `sv3d`, `st3d`, `SA3D` and `uuid` (Spherical Video V1 and V2), from Matroska's `Projection`, and from
-the display matrix, and gives it with every decoded frame, as the C structures of libavutil's `spherical.h` and `stereo3d.h`.
+FFmpeg reads it from MP4's boxes `sv3d`, `st3d`, `SA3D` and `uuid` (Spherical Video V1 and V2), from Matroska's
+`Projection`, and from the display matrix, and gives it with every decoded frame, as the C structures of libavutil's
+`spherical.h` and `stereo3d.h`.
 """
 
 import struct
@@ -53,7 +54,8 @@ def _objections(frame: VideoFrame) -> Iterator[str]:
 
 
 def _of_matrix(data: bytes) -> Iterator[str]:
-    """Of a display matrix: nine numbers, row by row, of which the first two of the first two rows turn and mirror (ISO/IEC 14496-12)."""
+    """Of a display matrix: nine numbers, row by row, of which the first two of the first two rows turn and mirror
+    (ISO/IEC 14496-12)."""
     if len(data) < 36:
         return
     a, b, _, c, d = struct.unpack_from("<5i", data)

@@ -69,9 +69,9 @@ class VideoInfo:
 
 @dataclass
 class DecodeReport:
-    """Running count of one pass's frames: decoded within the range, skipped because damaged, lost or out of order (known when
-    the pass has ended), used (sampled); the seconds of the range that the file turned out not to hold, and the longest time
-    without a frame where it is longer than the sampling explains (else 0)."""
+    """Running count of one pass's frames: decoded within the range, skipped because damaged, lost or out of order
+    (known when the pass has ended), used (sampled); the seconds of the range that the file turned out not to hold, and
+    the longest time without a frame where it is longer than the sampling explains (else 0)."""
 
     decoded: int = 0
     skipped: int = 0
@@ -107,7 +107,8 @@ def usual_gap_s(rate_fps: float) -> float:
 
 
 def missing_s(last_s: float, end_s: float, rate_fps: float) -> float:
-    """How much earlier than a range a file ends whose last frame was found at `last_s`; 0 where sampling explains it."""
+    """How much earlier than a range a file ends whose last frame was found at `last_s`; 0 where sampling explains
+    it."""
     return end_s - last_s if end_s - last_s > usual_gap_s(rate_fps) else 0.0
 
 

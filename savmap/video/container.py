@@ -24,7 +24,8 @@ from savmap.video.image_folder import picture_size
 from savmap.video.order import in_order, several_recordings
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
-"""FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists do."""
+"""FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists
+do."""
 OPENING = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file", "max_pixels": str(MOST_PIXELS)}
 OPENING_S, READING_S = 60.0, 10.0
 """How long a header, and a packet, may take to come: a file may go on with many gigabytes of nothing."""
@@ -47,7 +48,8 @@ _WORKING: dict[Hashable, str | None] = {}
 
 
 def local_name(path: Path) -> str:
-    """A file of this machine as FFmpeg names it: without its protocol, FFmpeg takes what stands before a colon for one."""
+    """A file of this machine as FFmpeg names it: without its protocol, FFmpeg takes what stands before a colon for
+    one."""
     return f"file:{path}"
 
 
@@ -111,8 +113,8 @@ def _why_unreadable(path: Path, error: Exception) -> str:
 
 
 def part_kinds(file: BinaryIO) -> Iterator[bytes]:
-    """The kinds of a file's outermost parts, as far as their sizes lead: boxes of MP4 (ISO/IEC 14496-12, 4.2), elements of Matroska (RFC 8794,
-    4 to 6); four bytes at the boxes' place of any other file."""
+    """The kinds of a file's outermost parts, as far as their sizes lead: boxes of MP4 (ISO/IEC 14496-12, 4.2), elements
+    of Matroska (RFC 8794, 4 to 6); four bytes at the boxes' place of any other file."""
     at, end = 0, file.seek(0, os.SEEK_END)
     for _ in range(MOST_PARTS):
         file.seek(at)
@@ -131,7 +133,8 @@ def part_kinds(file: BinaryIO) -> Iterator[bytes]:
 
 
 def probe_file(path: Path) -> VideoInfo:
-    """What a video file's header says. Raises VideoError for a file that is no video, damaged, not 2:1, or two recordings."""
+    """What a video file's header says. Raises VideoError for a file that is no video, damaged, not 2:1, or two
+    recordings."""
     with open_video(path) as (container, stream):
         context = stream.codec_context
         check_shape(path, context.width, context.height)
@@ -143,8 +146,9 @@ def probe_file(path: Path) -> VideoInfo:
 
 
 def _require_one_recording(info: VideoInfo, container: InputContainer, stream: VideoStream) -> None:
-    """Raise VideoError for a recording behind another, as far as a few looks show it: in transport and program streams the times go back,
-    MP4 has two indices, of which FFmpeg reads the first alone, Matroska two headers. All packets are read only where these looks say so."""
+    """Raise VideoError for a recording behind another, as far as a few looks show it: in transport and program streams
+    the times go back, MP4 has two indices, of which FFmpeg reads the first alone, Matroska two headers. All packets are
+    read only where these looks say so."""
     kinds: list[bytes] = []
     if container.format.name in SEARCHED_BY_TIME:
         suspect = any(after < before for before, after in pairwise(_looks(container, stream)))
@@ -162,7 +166,8 @@ def _require_one_recording(info: VideoInfo, container: InputContainer, stream: V
 
 
 def _looks(container: InputContainer, stream: VideoStream) -> Iterator[float]:
-    """The decoding times (s) of the packets at evenly spaced places of a file, up to the first place where none can be read."""
+    """The decoding times (s) of the packets at evenly spaced places of a file, up to the first place where none can be
+    read."""
     for look in range(LOOKS):
         with suppress(av.error.FFmpegError):
             container.seek(look * container.size // LOOKS, unsupported_byte_offset=True)
@@ -191,8 +196,8 @@ def _duration_s(container: InputContainer, stream: VideoStream) -> float:
 
 
 def _last_time(container: InputContainer, stream: VideoStream, near_s: float) -> float:
-    """The end of a stream, s from its first time, of its last packets: a header may count its length from 0, though the stream begins
-    hours later, or give none (`near_s` is 0 then, and all packets are read)."""
+    """The end of a stream, s from its first time, of its last packets: a header may count its length from 0, though the
+    stream begins hours later, or give none (`near_s` is 0 then, and all packets are read)."""
     if near_s:
         seek(container, stream, near_s)
     last = 0.0
@@ -211,8 +216,8 @@ def seconds(pts: int, stream: VideoStream) -> float:
 def configure(stream: VideoStream, info: VideoInfo) -> None:
     """Set the decoder's threads and its largest picture.
 
-    Each frame thread holds a picture: there are fewer of them where pictures are large. If pictures turn out to be much larger than
-    the header says, the decoder refuses them before it takes memory.
+    Each frame thread holds a picture: there are fewer of them where pictures are large. If pictures turn out to be much
+    larger than the header says, the decoder refuses them before it takes memory.
     """
     stream.thread_type = "AUTO"
     stream.codec_context.options = {"max_pixels": str(2 * info.width * info.height + SMALL_PIXELS)}
@@ -231,8 +236,8 @@ def key_times(stream: VideoStream) -> Floats:
 
 
 def exact_key_times(info: VideoInfo) -> Floats:
-    """Times (n,) s at which a file shows key frames; none where frames are shown in another order than they are decoded in (B
-    frames), because the index has decoding times."""
+    """Times (n,) s at which a file shows key frames; none where frames are shown in another order than they are decoded
+    in (B frames), because the index has decoding times."""
     with open_video(info.path) as (_, stream):
         if stream.codec_context.has_b_frames:
             return np.zeros(0)

@@ -61,12 +61,14 @@ def decode_at(info: VideoInfo, stamps_s: Sequence[float]) -> Iterator[tuple[floa
 def frames_from(
     info: VideoInfo, stamps_s: Sequence[float], margin_s: float = SEEK_MARGIN_S, report: DecodeReport | None = None
 ) -> Iterator[TimedFrames]:
-    """For each time (ascending), the good frames from that time on, with their times; take a few before asking for the next.
+    """For each time (ascending), the good frames from that time on, with their times; take a few before asking for the
+    next.
 
-    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. Where frames are shown in
-    another order than they are decoded in (B frames), the first frames after a key frame may be missed unless the search begins
-    `margin_s` earlier. Times at key frames need no margin otherwise, and cost one frame each. All decoded frames are counted in
-    `report`. Raises VideoError where the file says of itself that it holds no upright panoramas, and where it holds two recordings.
+    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. Where frames are
+    shown in another order than they are decoded in (B frames), the first frames after a key frame may be missed unless
+    the search begins `margin_s` earlier. Times at key frames need no margin otherwise, and cost one frame each. All
+    decoded frames are counted in `report`. Raises VideoError where the file says of itself that it holds no upright
+    panoramas, and where it holds two recordings.
     """
     report = DecodeReport() if report is None else report
     with open_video(info.path) as (container, stream):
@@ -88,7 +90,8 @@ def frames_from(
 
 
 def _within(keys: Floats, key: int) -> float:
-    """A time that leads to a key frame, whether the container searches by the time of decoding or of showing: half way to the next."""
+    """A time that leads to a key frame, whether the container searches by the time of decoding or of showing: half way
+    to the next."""
     following = keys[key + 1] if key + 1 < len(keys) else keys[key] + 1.0
     return float(keys[key] + following) / 2
 
@@ -152,7 +155,8 @@ def _reader(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Pi
 
 
 def picture_of(frame: VideoFrame, reformatter: VideoReformatter) -> Picture:
-    """A frame's planes, without a copy where they lie in the frame's own memory; RGB (H, W, 3) of frames in other formats."""
+    """A frame's planes, without a copy where they lie in the frame's own memory; RGB (H, W, 3) of frames in other
+    formats."""
     name, weights = frame.format.name, WEIGHTS.get(int(frame.colorspace))
     if name not in PLANAR or weights is None or frame.width % 2 or frame.height % 2:
         return np.asarray(reformatter.reformat(frame, format="rgb24").to_ndarray(), np.uint8)
@@ -173,7 +177,8 @@ def _deinterleaved(pairs: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray
 
 
 def rgb_from_yuv(of_red: float, of_blue: float, full: bool) -> Floats:
-    """Matrix (3, 4) from (luma, blue difference, red difference, 1), each 0..255, to RGB, 0..255 (ITU-R BT.709, section 3)."""
+    """Matrix (3, 4) from (luma, blue difference, red difference, 1), each 0..255, to RGB, 0..255 (ITU-R BT.709, section
+    3)."""
     of_green = 1 - of_red - of_blue
     blue, red = 2 * (1 - of_blue), 2 * (1 - of_red)
     from_differences = np.array([[0, red], [-blue * of_blue / of_green, -red * of_red / of_green], [blue, 0]])

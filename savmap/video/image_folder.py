@@ -26,7 +26,8 @@ def picture_paths(folder: Path) -> list[Path]:
 
 
 def probe_folder(folder: Path, fps: float) -> VideoInfo:
-    """Size of the first sound picture, and the length of the folder at `fps`. Raises VideoError for no pictures, not 2:1, too large."""
+    """Size of the first sound picture, and the length of the folder at `fps`. Raises VideoError for no pictures, not
+    2:1, too large."""
     paths = picture_paths(folder)
     if not paths:
         raise VideoError(f"{folder}: the folder holds no pictures ({', '.join(sorted(SUFFIXES))})")
@@ -38,8 +39,8 @@ def probe_folder(folder: Path, fps: float) -> VideoInfo:
 
 
 def picture_size(path: Path) -> tuple[int, int] | None:
-    """Width and height of a picture as it is to be shown, turned as its EXIF data say; None where its header, or a PNG's check sum, is
-    damaged."""
+    """Width and height of a picture as it is to be shown, turned as its EXIF data say; None where its header, or a
+    PNG's check sum, is damaged."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -54,7 +55,8 @@ def picture_size(path: Path) -> tuple[int, int] | None:
 
 
 def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
-    """RGB picture (H, W, 3), turned as its EXIF data say, or None where the file is damaged or not of this width and height."""
+    """RGB picture (H, W, 3), turned as its EXIF data say, or None where the file is damaged or not of this width and
+    height."""
     if picture_size(path) != size or path.stat().st_size > MOST_BYTES * size[0] * size[1] + HEADER_BYTES:
         return None
     try:
@@ -69,8 +71,8 @@ def read_picture(path: Path, size: tuple[int, int]) -> Image | None:
 
 
 def is_cut_off(jpeg: bytes) -> bool:
-    """Whether a JPEG's pixels lack the marker of their end, whatever a camera wrote behind it. It cannot stand within them, but does in
-    previews, which are segments before them (ITU-T T.81, annex B)."""
+    """Whether a JPEG's pixels lack the marker of their end, whatever a camera wrote behind it. It cannot stand within
+    them, but does in previews, which are segments before them (ITU-T T.81, annex B)."""
     at = len(JPEG_START)
     while jpeg[at : at + 1] == JPEG_START[:1] and jpeg[at : at + 2] != JPEG_SCAN:
         at += 1 if jpeg[at + 1 : at + 2] == JPEG_START[:1] else 2 + int.from_bytes(jpeg[at + 2 : at + 4], "big")
@@ -94,7 +96,8 @@ def write_picture(path: Path, bgr: Image, flags: Sequence[int] = ()) -> None:
 
 
 def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
-    """The pictures from start_s up to end_s; unreadable ones and those of another size are counted when they are read."""
+    """The pictures from start_s up to end_s; unreadable ones and those of another size are counted when they are
+    read."""
     for index, path in enumerate(picture_paths(info.path)):
         stamp = index / info.rate_fps
         if start_s - 1e-6 <= stamp < end_s - 1e-6:

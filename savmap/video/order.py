@@ -1,4 +1,5 @@
-"""The order of a recording's times: which frames follow the one before, and where the times of another recording begin."""
+"""The order of a recording's times: which frames follow the one before, and where the times of another recording
+begin."""
 
 from collections.abc import Iterator
 from typing import TypeVar
@@ -18,10 +19,10 @@ def in_order(
 ) -> Iterator[tuple[float, Frame, bool]]:
     """Frames with their times (s), and whether each follows the last one that did.
 
-    A time that is not after the last one does not follow. Nor does one that leaps ahead by more than LEAP_S or LEAP_FRAMES
-    frames' time, until BELIEVED_AFTER in a row have leapt: then the recording has a gap. The first is measured from `start_s`.
-    Raises VideoError where more than BELIEVED_AFTER in a row lie before the last one that followed, and go on from there: they are of
-    another recording.
+    A time that is not after the last one does not follow. Nor does one that leaps ahead by more than LEAP_S or
+    LEAP_FRAMES frames' time, until BELIEVED_AFTER in a row have leapt: then the recording has a gap. The first is
+    measured from `start_s`. Raises VideoError where more than BELIEVED_AFTER in a row lie before the last one that
+    followed, and go on from there: they are of another recording.
     """
     leap_s = max(LEAP_S, LEAP_FRAMES / info.rate_fps if info.rate_fps > 0 else 0.0)
     last, before, leaps, backs, begun = start_s, start_s, 0, 0, False

@@ -13,8 +13,8 @@ Item = TypeVar("Item")
 def prefetch(items: Iterable[Item], depth: int) -> Generator[Iterator[Item], None, None]:
     """The same items, made by a thread while others are in use; at most `depth` of them wait to be taken.
 
-    An error in making an item is raised in its place. When the block is left, the thread has ended and `items`, if it is a
-    generator, is closed.
+    An error in making an item is raised in its place. When the block is left, the thread has ended and `items`, if it
+    is a generator, is closed.
     """
     queue = _Queue(items, depth)
     queue.thread.start()

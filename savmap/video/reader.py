@@ -46,7 +46,8 @@ STILL_WIDTH, STILL = 256, 0.7
 
 
 def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
-    """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or not 2:1."""
+    """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or not
+    2:1."""
     if not path.exists():
         raise VideoError(f"{path}: no such file or folder{likely(path)}")
     if path.is_dir():
@@ -59,7 +60,8 @@ def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
 
 
 def check_camera(info: VideoInfo) -> None:
-    """Raise VideoError where a video file says of itself, beside its first frame, that it holds no upright panoramas."""
+    """Raise VideoError where a video file says of itself, beside its first frame, that it holds no upright
+    panoramas."""
     if info.codec != "images":
         next(decode_at(info, [0.0]), None)
 
@@ -79,8 +81,8 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     """A clip's panoramas, numbered from `first_frame`; `stamp_s` is the time in the video.
 
     The first frame of the range is used, then one per 1/fps by timestamp, so that every frame is used where the video
-    is slower. Damaged frames are skipped and counted in `report`. Raises VideoError as `probe` does, for a range outside the
-    video, and where nothing can be decoded.
+    is slower. Damaged frames are skipped and counted in `report`. Raises VideoError as `probe` does, for a range
+    outside the video, and where nothing can be decoded.
     """
     report = DecodeReport() if report is None else report
     info = probe(clip.path, clip.images_fps)
@@ -120,9 +122,9 @@ def preview_frames(
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for planning views.
 
-    They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Where the camera stands
-    in all pairs, or frames are repeated, or fewer than the header says, pairs further apart are taken. Pictures higher than `max_height`
-    are shrunk by a whole factor. Raises VideoError as `panoramas` does.
+    They are decoded at the video's own key frames where these are near; `frame` is their number by time alone. Where
+    the camera stands in all pairs, or frames are repeated, or fewer than the header says, pairs further apart are
+    taken. Pictures higher than `max_height` are shrunk by a whole factor. Raises VideoError as `panoramas` does.
     """
     info = probe(clip.path, clip.images_fps)
     step = 1 / sampling_fps(clip, info)
@@ -139,7 +141,8 @@ def preview_frames(
 
 
 def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[list[float], list[int]]:
-    """Times of a clip's preview, at key frames of the video where these are near, and the numbers of those that begin a pair."""
+    """Times of a clip's preview, at key frames of the video where these are near, and the numbers of those that begin a
+    pair."""
     start, end = time_range(clip, info.duration_s)
     last = min(end, info.duration_s)
     times = start + (last - start) * (np.arange(keys) + 0.5) / keys
@@ -150,8 +153,8 @@ def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[
 
 
 def _small(clip: Clip, info: VideoInfo, times: list[float], max_height: int) -> list[Panorama]:
-    """Panoramas at these times, or at the clip's start where there are none. Each is shrunk before the next is read: full size they
-    would fill the memory."""
+    """Panoramas at these times, or at the clip's start where there are none. Each is shrunk before the next is read:
+    full size they would fill the memory."""
     read = read_at if info.codec == "images" else decode_at
     start = clip.start_s or 0.0
     found = [
@@ -198,7 +201,8 @@ def _shrunk(picture: Picture, max_height: int) -> Picture:
 
 
 def _factor(image: Image, max_height: int) -> int:
-    """The least whole factor that makes a picture low enough; OpenCV averages by these ten times faster than by others."""
+    """The least whole factor that makes a picture low enough; OpenCV averages by these ten times faster than by
+    others."""
     return math.ceil(len(image) / max_height)
 
 

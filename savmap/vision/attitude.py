@@ -1,4 +1,5 @@
-"""The rig's attitude in every frame, from edges whose world axis is known (paper, section III-E: initial orientation)."""
+"""The rig's attitude in every frame, from edges whose world axis is known (paper, section III-E: initial
+orientation)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,8 @@ LEAST_INFORMATION = 1 / np.radians(1.5) ** 2
 @dataclass(frozen=True, eq=False)
 @array_record
 class Edges:
-    """Edges of known axis, frame by frame: `frames` (n,), axes (n,) 0, 1, 2 for x, y, z, unit rays (n, 2, 3) of their ends in the
-    rig frame, and these ends' standard deviations (n, 2) across the edge, radians."""
+    """Edges of known axis, frame by frame: `frames` (n,), axes (n,) 0, 1, 2 for x, y, z, unit rays (n, 2, 3) of their
+    ends in the rig frame, and these ends' standard deviations (n, 2) across the edge, radians."""
 
     frames: Ints
     axes: Ints
@@ -29,8 +30,8 @@ class Edges:
 def attitudes(features: Sequence[Feature], views: Mapping[str, ViewSpec], start: Floats) -> Floats:
     """world_from_rig (n, 3, 3) of frames 0..n-1, from the features that are edges with an axis; `start` (n, 3, 3).
 
-    Each frame begins from `start`, turned as the frame before it came out. Frames whose edges do not fix all three angles
-    are interpolated between their neighbours, relative to `start`; with no frame fixed, `start` is returned.
+    Each frame begins from `start`, turned as the frame before it came out. Frames whose edges do not fix all three
+    angles are interpolated between their neighbours, relative to `start`; with no frame fixed, `start` is returned.
     """
     edges = _edges(features, views)
     frames = np.unique(edges.frames)
@@ -73,7 +74,8 @@ def _edges(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Edges:
 
 
 def _sigmas_rad(pixels: Floats, covariance: Floats, ends: Floats, spec: ViewSpec) -> Floats:
-    """Standard deviations (n, 2) of edges' ends across these, as angles; rays `ends` (n, 2, 3) go through pixels (n, 2, 2)."""
+    """Standard deviations (n, 2) of edges' ends across these, as angles; rays `ends` (n, 2, 3) go through pixels (n, 2,
+    2)."""
     along = pixels[:, 1] - pixels[:, 0]
     length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]

@@ -1,4 +1,5 @@
-"""The smallest fields of view (paper, "Rendering views") that show the whole height of a structure, or enough objects."""
+"""The smallest fields of view (paper, "Rendering views") that show the whole height of a structure, or enough
+objects."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -55,9 +56,9 @@ def fit_height(
 ) -> Fitted:
     """The view at the face that shows its whole height in all key frames at the smallest field of view.
 
-    `extent(view)` gives the top and bottom row of the structure in a view, at the frame's border where that cuts it, or None
-    where there is no structure. `margin` is the share of the view's height kept free above and below. Values of `manual` are
-    kept. Raises StructureError where the structure is in no view.
+    `extent(view)` gives the top and bottom row of the structure in a view, at the frame's border where that cuts it, or
+    None where there is no structure. `margin` is the share of the view's height kept free above and below. Values of
+    `manual` are kept. Raises StructureError where the structure is in no view.
     """
     if manual.complete:
         return Fitted(manual.over(ViewSpec(name, 0.0)))
@@ -119,7 +120,8 @@ def fit_count(
     manual: Manual = AUTOMATIC,
     smallest_deg: float = SMALLEST_HFOV_DEG,
 ) -> Fitted:
-    """The view along `spec` with the smallest field of view that shows `at_least` objects in this share of the key frames.
+    """The view along `spec` with the smallest field of view that shows `at_least` objects in this share of the key
+    frames.
 
     `count(view)` gives how many a view shows. A step is added for the frames between. Values of `manual` are kept.
     """

@@ -1,7 +1,8 @@
 """Optical flow: corners tracked through a few neighbouring frames of a view, whatever they belong to.
 
-Corners (Shi and Tomasi 1994) are tracked by pyramidal Lucas and Kanade (Bouguet 2000), forwards and backwards; both are OpenCV's.
-On goods that look alike a corner may be taken for its neighbour's, so the solver uses flow only where the mapped structures agree.
+Corners (Shi and Tomasi 1994) are tracked by pyramidal Lucas and Kanade (Bouguet 2000), forwards and backwards; both are
+OpenCV's. On goods that look alike a corner may be taken for its neighbour's, so the solver uses flow only where the
+mapped structures agree.
 """
 
 from dataclasses import dataclass, field
@@ -42,7 +43,8 @@ class _ViewState:
 
 
 class FlowTracker:
-    """Tracks points in views that come frame by frame: new points every `STRIDE` frames, each through `WINDOW` frames."""
+    """Tracks points in views that come frame by frame: new points every `STRIDE` frames, each through `WINDOW`
+    frames."""
 
     def __init__(self) -> None:
         self._states: dict[str, _ViewState] = {}

@@ -1,8 +1,9 @@
-"""Square fiducial markers (AprilTag, ArUco): searched for all around every few frames, then tracked from frame to frame.
+"""Square fiducial markers (AprilTag, ArUco): searched for all around every few frames, then tracked from frame to
+frame.
 
-Corners are OpenCV's with AprilTag's own refinement (Wang and Olson, "AprilTag 2", 2016), which fits lines to the borders: on
-drawn panoramas with borders a pixel soft its sides were unbiased to 0.1 %, where `cornerSubPix` made them up to 1 % too
-short.
+Corners are OpenCV's with AprilTag's own refinement (Wang and Olson, "AprilTag 2", 2016), which fits lines to the
+borders: on drawn panoramas with borders a pixel soft its sides were unbiased to 0.1 %, where `cornerSubPix` made them
+up to 1 % too short.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,7 +32,8 @@ Label = tuple[str, int]
 @dataclass(frozen=True, eq=False)
 @array_record
 class MarkerTracks:
-    """Four tracks of corners for each marker that was detected, by its name "tag36h11 7", and the views of their pixels by name."""
+    """Four tracks of corners for each marker that was detected, by its name "tag36h11 7", and the views of their pixels
+    by name."""
 
     tracks: Mapping[str, Sequence[Track]]
     views: Mapping[str, ViewSpec]
@@ -69,8 +71,8 @@ class MarkerTracker:
                 raise SiteError(f"references.markers: {dictionary} has the numbers 0 to {count - 1}, not {number}")
 
     def update(self, panorama: Panorama) -> None:
-        """Detect the markers in the next frame: near their last places, and all around if one is lost, or in every fifth frame while
-        any is not tracked."""
+        """Detect the markers in the next frame: near their last places, and all around if one is lost, or in every
+        fifth frame while any is not tracked."""
         lost = self._track(panorama, tuple(self._near))
         due = panorama.frame % SEARCH_EVERY == 0 and len(self._near) < len(self._sightings)
         if lost or due:
@@ -104,7 +106,8 @@ class MarkerTracker:
         return MarkerTracks(tracks, views)
 
     def _search(self, panorama: Panorama) -> list[Label]:
-        """Search all around for the markers that are not tracked, and set views at those that are detected, which are returned."""
+        """Search all around for the markers that are not tracked, and set views at those that are detected, which are
+        returned."""
         resolution = panorama.height / np.pi
         found: dict[Label, ViewSpec] = {}
         for spec in _ring(resolution):
@@ -145,8 +148,8 @@ def _ring(resolution: float) -> tuple[ViewSpec, ...]:
 
 
 def _around(rays: Floats, resolution: float) -> ViewSpec:
-    """The view at a marker whose corners are at rays (4, 3): `FINER` times as fine as the panorama (px/rad), but no finer
-    than shows its sides `EDGE_PX` long, since soft borders many pixels wide are not taken for lines."""
+    """The view at a marker whose corners are at rays (4, 3): `FINER` times as fine as the panorama (px/rad), but no
+    finer than shows its sides `EDGE_PX` long, since soft borders many pixels wide are not taken for lines."""
     middle = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
     reach = float(np.arccos(np.clip(rays @ middle, -1, 1)).max())
     hfov = min(2 * (float(np.degrees(reach)) + MARGIN_DEG), WIDEST_DEG)

@@ -12,15 +12,15 @@ Labels = NDArray[np.int32]
 Probabilities = NDArray[np.float32]
 
 NEAR_PX = 15
-"""How wide and high the window is in which the largest probability is looked for: a faint member's width, and less than what lies
-between members."""
+"""How wide and high the window is in which the largest probability is looked for: a faint member's width, and less than
+what lies between members."""
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class Regions:
-    """Regions 0..n of a mask, of which 0 is what is not set: the number at each pixel `labels` (H, W), their `boxes` (n + 1, 4),
-    left, top, width and height, and `areas` (n + 1,) in pixels."""
+    """Regions 0..n of a mask, of which 0 is what is not set: the number at each pixel `labels` (H, W), their `boxes` (n
+    + 1, 4), left, top, width and height, and `areas` (n + 1,) in pixels."""
 
     labels: Labels
     boxes: Ints
@@ -35,11 +35,12 @@ def connected_regions(mask: NDArray[np.uint8]) -> Regions:
 
 
 def hysteresis(probability: Probabilities, thresholds: Thresholds) -> NDArray[np.bool_]:
-    """The pixels (H, W) that count as a class of this probability (H, W): those above the threshold, or where the probability stays
-    below it, above half of the largest nearby, and above the weak threshold; in connected regions that somewhere exceed that of seeds.
+    """The pixels (H, W) that count as a class of this probability (H, W): those above the threshold, or where the
+    probability stays below it, above half of the largest nearby, and above the weak threshold; in connected regions
+    that somewhere exceed that of seeds.
 
-    Where a network is sure the mask ends at the threshold, where it is not at half of its height, so that a faint member is as
-    thick as a plain one. Hysteresis: Canny, A Computational Approach to Edge Detection, 1986.
+    Where a network is sure the mask ends at the threshold, where it is not at half of its height, so that a faint
+    member is as thick as a plain one. Hysteresis: Canny, A Computational Approach to Edge Detection, 1986.
     """
     above = probability > (thresholds.pixel if thresholds.weak >= thresholds.pixel else _local(probability, thresholds))
     if thresholds.seed <= thresholds.weak:
@@ -51,7 +52,8 @@ def hysteresis(probability: Probabilities, thresholds: Thresholds) -> NDArray[np
 
 
 def _local(probability: Probabilities, thresholds: Thresholds) -> Probabilities:
-    """The threshold (H, W) at each pixel: half of the largest probability nearby, between the weak threshold and the pixel's."""
+    """The threshold (H, W) at each pixel: half of the largest probability nearby, between the weak threshold and the
+    pixel's."""
     near = cv2.dilate(probability, np.ones((NEAR_PX, NEAR_PX), np.uint8))
     return np.asarray(np.clip(near / 2, thresholds.weak, thresholds.pixel), np.float32)
 

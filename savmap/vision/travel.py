@@ -21,12 +21,12 @@ SHIFTS = np.array([[1.0, -1, 0], [1, 0, -1], [1, 1, 0], [1, 0, 1]])
 def travel_directions(
     pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer
 ) -> tuple[int, int, int, int]:
-    """Which way the camera moves along `spec` and the views turned from it to the right by 90, 180 and 270 degrees: +1 to the right
-    as it looks along the view (towards the face's +x), -1 to the left, 0 unknown.
+    """Which way the camera moves along `spec` and the views turned from it to the right by 90, 180 and 270 degrees: +1
+    to the right as it looks along the view (towards the face's +x), -1 to the left, 0 unknown.
 
-    The rig's turning shifts all views alike; half the difference of opposite views is its motion. That must exceed the motion
-    measured in the same way in the two views across, which it does only when looking across the way. One view may be too bare to
-    track anything in.
+    The rig's turning shifts all views alike; half the difference of opposite views is its motion. That must exceed the
+    motion measured in the same way in the two views across, which it does only when looking across the way. One view
+    may be too bare to track anything in.
     """
     views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
     shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
@@ -38,7 +38,8 @@ def travel_directions(
 
 
 def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
-    """The angle by which objects straight ahead move in a view across the way from one used frame to the next; nan if unknown."""
+    """The angle by which objects straight ahead move in a view across the way from one used frame to the next; nan if
+    unknown."""
     view = _turned(spec, 0.0)
     shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
     known = shifts[np.isfinite(shifts)]
@@ -46,7 +47,8 @@ def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, ren
 
 
 def _motion(shifts: Floats) -> Floats:
-    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are nan."""
+    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are
+    nan."""
     known = np.isfinite(shifts)
     if known.sum() < 3:
         return np.zeros(2)

@@ -1,8 +1,8 @@
 """View planning (paper, "Rendering views"): the directions of a row's views, whichever way the camera is turned.
 
-`PassPreview.of_frames` finds the building's axes in a pass's key frames, `choose_face` the one of its four level directions that
-faces the structure, and `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field of view that shows enough.
-The caller gives functions that recognise the structure.
+`PassPreview.of_frames` finds the building's axes in a pass's key frames, `choose_face` the one of its four level
+directions that faces the structure, and `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field
+of view that shows enough. The caller gives functions that recognise the structure.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,8 +25,8 @@ SEARCH_VIEWS = [
 ]
 SHORTEST_PX = 25.0
 LEAST_SUPPORT, CLEAR_SUPPORT, CLEARER = 0.25, 0.5, 1.4
-"""Of the building's axes: least support; where all frames together have less than the second, each is asked alone, and counts where it shows
-axes so many times as clearly."""
+"""Of the building's axes: least support; where all frames together have less than the second, each is asked alone, and
+counts where it shows axes so many times as clearly."""
 Side = Literal["left", "right"]
 HANDS: dict[int, Side] = {1: "left", -1: "right"}
 """The hand of the way that a face is on by which way the camera goes along it."""
@@ -86,8 +86,8 @@ class PassPreview:
         return cls(tuple(keys), tuple(pairs), renderer, manhattan(_evenly(keys), renderer), frames)
 
     def apart(self, most: float = np.inf) -> int:
-        """`ViewSpec.every` for a long pass: 1, 2 or 4 (so that plugins use the same frames), `most` at most, such that a hundred frames or
-        more are used."""
+        """`ViewSpec.every` for a long pass: 1, 2 or 4 (so that plugins use the same frames), `most` at most, such that
+        a hundred frames or more are used."""
         return next((every for every in (4, 2) if every <= most and self.frames >= every * ENOUGH_FRAMES), 1)
 
     def views(self, spec: ViewSpec) -> list[View]:
@@ -150,7 +150,8 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
 
     `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
     camera's way are preferred. `side`, where the structure is as seen in the direction of travel, decides between the
-    faces of both sides: on the left, the camera moves towards the face's +x. Raises StructureError where no view scores.
+    faces of both sides: on the left, the camera moves towards the face's +x. Raises StructureError where no view
+    scores.
     """
     specs = face_candidates(pass_preview.rig_from_manhattan, hfov_deg)
     travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
@@ -200,8 +201,9 @@ def tilted(face: Face, pitch_deg: float, hfov_deg: float, name: str) -> ViewSpec
 def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
     """rig_from_manhattan (3, 3): the building's axes in the rig frame, as columns; mean over frames of one pass.
 
-    y is the axis nearest the rig's up, z of the others the one nearest its back (so that one looks along -z). The rig may
-    be turned any way about the vertical and tilted by some 45 degrees. Raises StructureError where no three axes stand out.
+    y is the axis nearest the rig's up, z of the others the one nearest its back (so that one looks along -z). The rig
+    may be turned any way about the vertical and tilted by some 45 degrees. Raises StructureError where no three axes
+    stand out.
     """
     edges = [segments(panorama, renderer) for panorama in panoramas]
     rays_a, rays_b = (np.concatenate([pair[side] for pair in edges]) for side in (0, 1))
@@ -219,8 +221,8 @@ def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
 
 
 def _clear_alone(edges: Sequence[tuple[Floats, Floats]], least: float) -> list[Floats]:
-    """The axes (3, 3) of the frames whose own segments show them with this support, named alike: a rig that turns from frame to frame
-    has none that fit all frames together, or wrong ones."""
+    """The axes (3, 3) of the frames whose own segments show them with this support, named alike: a rig that turns from
+    frame to frame has none that fit all frames together, or wrong ones."""
     found = [manhattan_from_segments(*pair) for pair in edges]
     axes: list[Floats] = []
     for frame in found:

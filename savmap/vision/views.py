@@ -1,7 +1,7 @@
 """Rectilinear views, sampled straight from panoramas (paper, section III-B).
 
-For each view, a table says where its pixels lie in the panorama. Where the panorama is much finer than the view, the table's level
-samples a region of the panorama that was halved by averaging, so that fine texture does not alias.
+For each view, a table says where its pixels lie in the panorama. Where the panorama is much finer than the view, the
+table's level samples a region of the panorama that was halved by averaging, so that fine texture does not alias.
 """
 
 from collections import OrderedDict
@@ -51,9 +51,9 @@ class Region:
 class Level:
     """The table of the pixels of a view that are sampled at one resolution, those where `mask` (h, w) is set.
 
-    They are sampled from `region` of the panorama, halved `halvings` times; None: from the panorama itself. The table `cells`
-    (m, PACKED, 2) and `fractions` (m, PACKED), in OpenCV's fixed-point form, has an entry for each of these pixels, row by row; the
-    last one is repeated to fill the table.
+    They are sampled from `region` of the panorama, halved `halvings` times; None: from the panorama itself. The table
+    `cells` (m, PACKED, 2) and `fractions` (m, PACKED), in OpenCV's fixed-point form, has an entry for each of these
+    pixels, row by row; the last one is repeated to fill the table.
     """
 
     mask: NDArray[np.bool_]
@@ -64,7 +64,8 @@ class Level:
 
     @cached_property
     def half_as_fine(self) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
-        """The table for colour at half the resolution: it gives what this one gives of the same picture with every pixel doubled."""
+        """The table for colour at half the resolution: it gives what this one gives of the same picture with every
+        pixel doubled."""
         odd = (self.cells & 1).astype(np.uint16)
         across, down = self.fractions % FRACTIONS, self.fractions // FRACTIONS
         return self.cells >> 1, across * odd[..., 0] + FRACTIONS * down * odd[..., 1]
@@ -74,8 +75,8 @@ class Renderer:
     """Renders views of panoramas and keeps the tables of the last views.
 
     Bilinear, at pixel centres, over the seam and the poles. With `antialias`, the panorama is first averaged down where
-    it is two or more times finer than the view. Panoramas in planes of luma and colour are sampled as such, and only the view is
-    converted to RGB. Threads may share a renderer.
+    it is two or more times finer than the view. Panoramas in planes of luma and colour are sampled as such, and only
+    the view is converted to RGB. Threads may share a renderer.
     """
 
     def __init__(self, antialias: bool = True) -> None:
@@ -193,7 +194,8 @@ class RegionPyramid:
         return part
 
     def _inside(self, region: Region) -> Image | None:
-        """A region cut from the last one, at that one's resolution; None where it reaches beyond it or lies between its pixels."""
+        """A region cut from the last one, at that one's resolution; None where it reaches beyond it or lies between its
+        pixels."""
         last = self._region
         left, top = (region.left - last.left) % self._panorama.shape[1], region.top - last.top
         right, bottom = left + region.width, region.bottom - last.top

@@ -17,11 +17,11 @@ from savmap.cli.console import Console
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text, write_with
 from savmap.jobs.cache import FolderCache, locked
+from savmap.lab.sim.render.panorama import encode
+from savmap.lab.sim.scene.files import Cart
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.picture import write_box_plot
-from savmap.sim.render.panorama import encode
-from savmap.sim.scene.files import Cart
 from savmap.site.job import LEAST_ROOM, prepare
 from savmap.types import Evaluation, FrameTable, RowMap, Score, SiteMap, Structure, Trajectory
 from savmap.video.image_folder import write_picture

@@ -22,7 +22,7 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     from observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped
     from uncertainty import figures, summary
 
-    from savmap.sim.observations import MaskErrors
+    from savmap.lab.sim.observations import MaskErrors
     from savmap_shelves.constraints import GridSettings
 
     driven = driven_row(5, MaskErrors(0.7), sections=4, levels=(4, 5), frames_a_section=8)
@@ -109,7 +109,7 @@ def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share
 def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     import signs
 
-    from savmap.sim.scene.build import build
+    from savmap.lab.sim.scene.build import build
     from savmap.types import Structure
 
     scene = signs.signed_row(6100, 12, 4096)

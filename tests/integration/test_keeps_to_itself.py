@@ -32,7 +32,7 @@ def test_whoever_connects_is_killed(code: str, home: Path, tmp_path: Path) -> No
     assert sealed(["-c", f"{imports} {code}"], home, tmp_path).returncode in (-signal.SIGSYS, 256 - signal.SIGSYS)
 
 
-@pytest.mark.parametrize("first", ["savmap", "savmap.train.quantise", "savmap_signs.reading"])
+@pytest.mark.parametrize("first", ["savmap", "savmap.lab.train.quantise", "savmap_signs.reading"])
 def test_an_opened_network_reports_to_nobody(first: str, home: Path, tmp_path: Path) -> None:
     code = f"import {first}, onnxruntime; onnxruntime.InferenceSession({str(Lights.model)!r})"
     done = sealed(["-c", code], home, tmp_path)

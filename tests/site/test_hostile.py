@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
-from savmap.sim.scene.files import load_scene
+from savmap.lab.sim.scene.files import load_scene
 from savmap.site.load import load_site
 from savmap.types.scenes import SceneError
 

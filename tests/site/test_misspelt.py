@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from savmap.errors import SiteError
 from savmap.files.mistakes import annotations_at, fields_of
-from savmap.sim.scene.files import load_scene
+from savmap.lab.sim.scene.files import load_scene
 from savmap.site.job import chosen_plugins, job_for
 from savmap.site.load import load_alignment, load_site, notes_on, problems_in, read_draft, site_of
 from savmap.site.model import Site

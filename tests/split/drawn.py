@@ -8,8 +8,8 @@ import av
 import cv2
 import numpy as np
 
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.scene.files import Cart
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.scene.files import Cart
 from savmap.split import SplitResult
 
 HEIGHT_M = 2.2

@@ -11,8 +11,8 @@ from drawn import Face, Woven, aisles, alongside, block, cart, filmed, pictures,
 
 from savmap.cli.app import main
 from savmap.errors import OutputError, SiteError, StructureError, VideoError
-from savmap.sim.drive.cart import drive
-from savmap.sim.scene.files import Cart
+from savmap.lab.sim.drive.cart import drive
+from savmap.lab.sim.scene.files import Cart
 from savmap.site.load import load_site
 from savmap.split import DetectedPass, SplitResult, SplitSettings, find, split
 from savmap.split.frame_pairs import sample_stamps

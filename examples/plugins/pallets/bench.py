@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import savmap
+from savmap.lab.sim.scene.files import load_scene
+from savmap.lab.sim.simulate import simulate
 from savmap.maps.survey import read_survey
 from savmap.report.evaluation import as_table
-from savmap.sim.scene.files import load_scene
-from savmap.sim.simulate import simulate
 from savmap.types import SiteMap
 from savmap_pallets.evaluate import Match, matches
 from savmap_pallets.survey import read_row

@@ -1,4 +1,5 @@
-"""Lamps in a ceiling-facing view: mask and brightness to centre (compact lamps) or to ends (strips). Paper, section III.C."""
+"""Lamps in a ceiling-facing view: mask and brightness to centre (compact lamps) or to ends (strips). Paper, section
+III.C."""
 
 from collections.abc import Iterable, Sequence, Set
 from dataclasses import replace
@@ -25,14 +26,15 @@ EVEN = (0.0,)
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
-    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each "side".
+    """For each compact lamp a "centre", or, where something may hide a side of it, a "glimpse", and the middle of each
+    "side".
 
-    For each strip, up to its joints where it is part of a line of light: an "end a" and an "end b" where it ends sharply and within the
-    view, a "centre" where both do, a "glimpse" where something that runs across hides an end, and a "middle" of what is seen of it,
-    uncertain along it by half its length. Ends come in no particular order.
+    For each strip, up to its joints where it is part of a line of light: an "end a" and an "end b" where it ends
+    sharply and within the view, a "centre" where both do, a "glimpse" where something that runs across hides an end,
+    and a "middle" of what is seen of it, uncertain along it by half its length. Ends come in no particular order.
 
-    On an overexposed ceiling lamps are looked for in the last levels below white first. What the picture's brightness does not show is
-    measured in the masks.
+    On an overexposed ceiling lamps are looked for in the last levels below white first. What the picture's brightness
+    does not show is measured in the masks.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
     glare = glare_of(view.image, grey, detections)
@@ -60,7 +62,8 @@ Sure = tuple[int, Compact, float]
 
 
 def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
-    """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what shines."""
+    """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what
+    shines."""
     joined = any(len(seed.parts) > 1 for seed in seeds)
     compact = [(seed.number, lamp, seed) for seed in seeds for lamp in compacts_of(shine, seed, joined)]
     own = {number for number, _, _ in compact}
@@ -74,7 +77,8 @@ def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
 def _glaring(
     view: View, detections: Sequence[Detection], glare: Glare, grey: Singles
 ) -> tuple[set[int], list[Feature]]:
-    """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside which it glares."""
+    """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside
+    which it glares."""
     compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
     bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
     bodies = [body for body in bodies if body.instance < FIRST_FAINT or beside_strip(glare.last, body)]
@@ -113,8 +117,8 @@ def _compact(view: View, detections: Sequence[Detection], lamps: Sequence[Sure],
 
 
 def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], own: Set[int]) -> list[Feature]:
-    """Features of lamps whose ends the picture does not show, from the network's probability; compact ones with an instance from `OUTLINED`
-    where they stand out all the same, as in a lit case."""
+    """Features of lamps whose ends the picture does not show, from the network's probability; compact ones with an
+    instance from `OUTLINED` where they stand out all the same, as in a lit case."""
     if not own:
         return []
     shared = {id(detections[number].probability): detections[number].probability for number in own}

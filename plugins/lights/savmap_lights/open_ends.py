@@ -1,5 +1,6 @@
-"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where most of these are alike,
-otherwise mapped as far as they were seen, with a standard deviation that says so; light that no lamp explains is told."""
+"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where most
+of these are alike, otherwise mapped as far as they were seen, with a standard deviation that says so; light that no
+lamp explains is told."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,16 +16,16 @@ ENOUGH = 0.6
 
 
 def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps; those with one end in sight get a vertex for the other: at the length of most other strips, if these have one and it was
-    seen lit for most of that; else as far as it was, `UNKNOWN_M` along x."""
+    """The lamps; those with one end in sight get a vertex for the other: at the length of most other strips, if these
+    have one and it was seen lit for most of that; else as far as it was, `UNKNOWN_M` along x."""
     seen_to = _by_lamp(tracks, SEEN_TO)
     length = common_length([lamp for lamp in lamps if len(lamp.vertices) == 2])
     return [_opened(lamp, seen_to[lamp.id], length, lamps) if lamp.id in seen_to else lamp for lamp in lamps]
 
 
 def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp explains, and how often
-    that between was seen for each time that the lamps on either side of it were."""
+    """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp
+    explains, and how often that between was seen for each time that the lamps on either side of it were."""
     often = {lamp: round(10 * share, 2) for lamp, share in _by_lamp(tracks, OFTEN).items()}
     told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
     return [
@@ -52,8 +53,8 @@ def _by_lamp(tracks: Sequence[Track], name: str) -> dict[str, float]:
 
 
 def common_length(strips: Sequence[Structure]) -> float | None:
-    """The length, m, that most strips have within a centimetre or two: of the outermost, joints may not show. None where they differ, or
-    are few."""
+    """The length, m, that most strips have within a centimetre or two: of the outermost, joints may not show. None
+    where they differ, or are few."""
     lengths = np.array([np.linalg.norm(strip.vertices[1] - strip.vertices[0]) for strip in strips])
     if len(lengths) < FEWEST:
         return None

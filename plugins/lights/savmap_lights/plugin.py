@@ -26,10 +26,11 @@ class Settings(door.PluginSettings):
     """Settings of the plugin in a site file."""
 
     every: Annotated[int, Field(gt=0)] | None = None
-    """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass of 200
-    frames, four from 400 on."""
+    """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass
+    of 200 frames, four from 400 on."""
     line: bool = False
-    """Whether the lamps are on one line along the aisle, at one height. Otherwise that is tested, and used where it holds."""
+    """Whether the lamps are on one line along the aisle, at one height. Otherwise that is tested, and used where it
+    holds."""
 
 
 class SurveyedLamp(BaseModel):
@@ -112,9 +113,9 @@ class Lights:
 
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
-        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one end in sight, the
-        other is as far as it was seen, and not known along x. Light beyond a lamp that none explains is in its attributes. The space that
-        a lamp fills has an assumed width and height."""
+        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one
+        end in sight, the other is as far as it was seen, and not known along x. Light beyond a lamp that none explains
+        is in its attributes. The space that a lamp fills has an assumed width and height."""
         lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
         return with_unseen_sides(with_light_beyond(with_solids(lamps), tracks), tracks)
 
@@ -125,7 +126,8 @@ class Lights:
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
-        """Every lamp's centre, which the row across the aisle sees too; its vertices' errors are taken for common to all of them."""
+        """Every lamp's centre, which the row across the aisle sees too; its vertices' errors are taken for common to
+        all of them."""
         return [
             door.CrossRowLandmark(own.id, own.label, centre_of(own)[0], np.asarray(own.covariances.mean(axis=0)))
             for own in structures
@@ -134,8 +136,8 @@ class Lights:
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
-        """The distances between centres and between ends of lamps of the line that is mapped, between the row's ends. Raises OutputError
-        where the survey's are malformed."""
+        """The distances between centres and between ends of lamps of the line that is mapped, between the row's ends.
+        Raises OutputError where the survey's are malformed."""
         if "lights" not in survey:
             return door.Score()
         surveyed = read_row(survey)
@@ -159,13 +161,13 @@ class Lights:
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
         """Lines of lamps for the simulator."""
-        from savmap_lights.simulation.scene import scene
+        from savmap_lights.lab.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
         """Lamps of one kind for a random place."""
-        from savmap_lights.simulation.scene import random_section
+        from savmap_lights.lab.scene import random_section
 
         return random_section(rng, site, drawn)

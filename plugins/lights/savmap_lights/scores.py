@@ -21,10 +21,11 @@ def centre_of(lamp: Structure) -> Floats:
 
 
 def score_lamps(lamps: Sequence[Structure], surveyed: Floats, ends_x: tuple[float, float]) -> door.Score:
-    """Distances between the centres of lamps and of surveyed ones (n, 2, 3), and between the ends of those that are strips in both.
+    """Distances between the centres of lamps and of surveyed ones (n, 2, 3), and between the ends of those that are
+    strips in both.
 
-    Asked for are the lamps over the row's aisle: of the lines before the face, the one that the mapped lamps are nearest to, or, without
-    any, the one nearest to the face. A strip of which an end was never seen is not compared.
+    Asked for are the lamps over the row's aisle: of the lines before the face, the one that the mapped lamps are
+    nearest to, or, without any, the one nearest to the face. A strip of which an end was never seen is not compared.
     """
     lamps = [lamp for lamp in lamps if is_whole(lamp)]
     middles = surveyed.mean(axis=1)
@@ -49,7 +50,8 @@ def over_aisle(lamps: Sequence[Structure], middles: Floats) -> Bools:
 
 
 def _ends_apart(lamp: Structure, surveyed: Floats) -> Floats | None:
-    """Distances (2,) m between a lamp's ends and those of the surveyed strip whose middle is nearest; None of a compact one."""
+    """Distances (2,) m between a lamp's ends and those of the surveyed strip whose middle is nearest; None of a compact
+    one."""
     ends = surveyed[np.argmin(np.linalg.norm(surveyed.mean(axis=1) - centre_of(lamp), axis=1))]
     if np.linalg.norm(ends[1] - ends[0]) < COMPACT_M:
         return None

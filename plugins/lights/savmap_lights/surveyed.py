@@ -18,7 +18,8 @@ def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
 
 
 def _ends(points: Floats) -> Floats:
-    """The ends (2, 3) of a lamp out of its points (n, 3): the middles of those at either end of the direction in which it is longest."""
+    """The ends (2, 3) of a lamp out of its points (n, 3): the middles of those at either end of the direction in which
+    it is longest."""
     if len(points) == 2:
         return points
     middle = (points.min(axis=0) + points.max(axis=0)) / 2

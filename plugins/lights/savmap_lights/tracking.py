@@ -1,7 +1,8 @@
 """Lamps through the sequence: a search in space, for the camera's path is known from what was tracked before.
 
-A sweep through heights finds the plane of the lamps (paper, section III.D). There, ends that point the same way and fall on one another
-in many frames are ends; what hides a lamp for some frames, or a mask that ends in its midst, falls on nothing.
+A sweep through heights finds the plane of the lamps (paper, section III.D). There, ends that point the same way and
+fall on one another in many frames are ends; what hides a lamp for some frames, or a mask that ends in its midst, falls
+on nothing.
 """
 
 from collections.abc import Sequence
@@ -30,8 +31,8 @@ BY_MASK, MOSTLY = "measured in masks alone, %", 0.75
 
 
 def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
-    """Tracks "light 3 / end 0" and "light 3 / end 1" (towards +x, or, of strips across the aisle, +z) of strips, "light 3 / centre" of
-    compact lamps. The pixels of strips' ends are those of their middle height.
+    """Tracks "light 3 / end 0" and "light 3 / end 1" (towards +x, or, of strips across the aisle, +z) of strips, "light
+    3 / centre" of compact lamps. The pixels of strips' ends are those of their middle height.
 
     Lamps are those of the line nearest above the camera's path, numbered along x from 1.
     Raises StructureError when no lamp is seen in at least three frames.
@@ -111,8 +112,8 @@ def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
 def _numbered(
     tracks: Sequence[Track], complete: Sequence[int], before: Light | None, beyond: Sequence[Light | None]
 ) -> list[Track]:
-    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp explains, the first
-    with that of such light before it."""
+    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp
+    explains, the first with that of such light before it."""
     numbered = []
     numbers = [int(track.place[track.label]) for track in tracks]
     shown = [max(len(t.frames) for t, n in zip(tracks, numbers, strict=True) if n == lamp) for lamp in complete]
@@ -157,7 +158,8 @@ def _at_middle(
     poses: dict[int, Floats],
     facts: RowFacts,
 ) -> Feature:
-    """A feature moved along the line by as much as the edge that is seen lies nearer or further than the lamp's middle would."""
+    """A feature moved along the line by as much as the edge that is seen lies nearer or further than the lamp's middle
+    would."""
     if not rays.edge[ray] or not fitted.half_m:
         return feature
     middle = np.array([fitted.places[rays.place[ray]], fitted.heights[rays.lamp[ray]], line_z])

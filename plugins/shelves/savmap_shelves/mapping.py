@@ -1,4 +1,5 @@
-"""The solved grid as structures: uprights and beams with their vertices, widths and standard deviations, and what is read off them."""
+"""The solved grid as structures: uprights and beams with their vertices, widths and standard deviations, and what is
+read off them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,8 @@ UNMEASURED_M = 0.15
 """An edge that is unsure by more was measured nowhere: what was taken for it in single pictures is at no one place."""
 PROFILE_SHARE, LEAST_PROFILES = 0.25, 3
 ALIKE, MOSTLY = 0.05, 0.8
-"""Such an edge is where a beam as high as most, of so many at least, has it, give or take `PROFILE_SHARE` of the height; `ALIKE` where most agree to that."""
+"""Such an edge is where a beam as high as most, of so many at least, has it, give or take `PROFILE_SHARE` of the
+height; `ALIKE` where most agree to that."""
 NOT_SEEN, NEITHER = "edges", "neither edge seen"
 USUAL_RACK_DEPTH_M, USUAL_BEAM_DEPTH_M = 1.1, 0.05  # for pallets of 1.2 m, which stand out by 5 cm on either side
 EDGES = ("lower", "upper")
@@ -33,10 +35,11 @@ def describe(
 ) -> list[Structure]:
     """Uprights, then beams, from left to right and from the bottom up.
 
-    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured, and the attribute `ends` that the
-    top is assumed: uprights end a metre above their highest beam as often as at it. As a solid it is its
-    whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual). Of a beam of which one edge was measured
-    nowhere, that is where a beam as high as most has it, and the attribute `edges` says so.
+    An upright reaches from the floor to the highest edge beside it. Its sigmas say that neither end was measured, and
+    the attribute `ends` that the top is assumed: uprights end a metre above their highest beam as often as at it. As a
+    solid it is its whole frame, from the rack's front to its back, `depth_m` apart (None: assumed to be the usual). Of
+    a beam of which one edge was measured nowhere, that is where a beam as high as most has it, and the attribute
+    `edges` says so.
     """
     grid = grid_of(tracks)
     landmarks = solution.landmarks_of(plugin)
@@ -117,8 +120,8 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
 
 
 def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
-    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds may be anywhere. Where too few
-    beams have both, those of which one was not even tracked are left out."""
+    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds
+    may be anywhere. Where too few beams have both, those of which one was not even tracked are left out."""
     unmeasured = [_unmeasured(beam) for beam in beams]
     measured = [beam for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
     if len(measured) < LEAST_PROFILES:
@@ -130,7 +133,8 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
 
 
 def _usual_height(beam: Structure, measured: Sequence[Structure]) -> tuple[float, float]:
-    """The height that beams of a beam's bay have, where most of so many are alike, or else those of the row; and its standard deviation, m."""
+    """The height that beams of a beam's bay have, where most of so many are alike, or else those of the row; and its
+    standard deviation, m."""
     section = [other for other in measured if other.attributes["bay"] == beam.attributes["bay"]]
     for group in (section, measured):
         heights = np.array([_height(other) for other in group])
@@ -170,7 +174,8 @@ def _as_high(beam: Structure, height: float, sigma: float, unmeasured: tuple[boo
 def _corner(
     grid: TrackGrid, landmarks: Mapping[str, Landmark], section: int, beam: int, corner: str
 ) -> tuple[Floats, Floats]:
-    """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet; if its edge was not, that of the other edge."""
+    """Position and covariance of a corner. If it was not tracked, it is where its row and its column meet; if its edge
+    was not, that of the other edge."""
     name = f"bay {section} / beam {beam} / {corner}"
     if name in landmarks:
         return landmarks[name].position, landmarks[name].covariance
@@ -191,9 +196,11 @@ def _corner(
 
 
 def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmark]:
-    """The uprights' centre lines, which the row on the rack's other face sees too: a frame crosses the rack from front to back.
+    """The uprights' centre lines, which the row on the rack's other face sees too: a frame crosses the rack from front
+    to back.
 
-    A frame's two uprights are at the same x to `FRAME_SIGMA_M`. The errors of an upright's edges are taken for common to both.
+    A frame's two uprights are at the same x to `FRAME_SIGMA_M`. The errors of an upright's edges are taken for common
+    to both.
     """
     return [
         CrossRowLandmark(

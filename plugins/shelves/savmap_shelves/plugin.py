@@ -1,6 +1,7 @@
 """Racks: uprights and beams of a shelf face, as a plugin of savmap.
 
-Hooks import their stage when they are called, so that a run that only asks for the plugin's name or settings starts fast.
+Hooks import their stage when they are called, so that a run that only asks for the plugin's name or settings starts
+fast.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -65,7 +66,7 @@ class Shelves:
     @staticmethod
     def practice_pictures(folder: Path, count: int, seed: int) -> None:
         """Painted pictures of random racks, for `savmap adapt`."""
-        from savmap_shelves.simulation.painted.pictures import write_pictures
+        from savmap_shelves.lab.painted.pictures import write_pictures
 
         write_pictures(folder, count, seed)
 
@@ -199,12 +200,12 @@ class Shelves:
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":
-        from savmap_shelves.simulation.scene import scene
+        from savmap_shelves.lab.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_shelves.simulation.random_racks import random_section
+        from savmap_shelves.lab.random_racks import random_section
 
         return random_section(rng, site, drawn)

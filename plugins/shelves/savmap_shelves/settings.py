@@ -68,15 +68,17 @@ class ShelvesSettings(BaseModel):
     seed_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.75
     """Confidence that a connected region must exceed somewhere, or it is passed over."""
     every: Annotated[int, Field(gt=0)] | None = None
-    """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a long pass
-    so slow that things move by no more than 7.4 degrees in between, else 1."""
+    """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a
+    long pass so slow that things move by no more than 7.4 degrees in between, else 1."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
     """Height of the bottom edge of the lowest beam, in all bays or bay by bay, left to right."""
     bay_pitch_m: BayPitch | None = None
     """From an upright's edge to the same edge of the next."""
     beam_setback_m: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
-    """How far the beams' faces stand behind the uprights', to 1 cm; labels and scratches on them tell it better, where they show."""
+    """How far the beams' faces stand behind the uprights', to 1 cm; labels and scratches on them tell it better, where
+    they show."""
     depth_m: Annotated[float, Field(gt=0.1, le=5)] | None = None
-    """The rack's depth, from the front of its frames to their back, for formats that hold solids. Default: 1.1 m, which is marked as assumed."""
+    """The rack's depth, from the front of its frames to their back, for formats that hold solids. Default: 1.1 m, which
+    is marked as assumed."""
     subpixel: bool = True
     """Whether edges are measured in the panorama itself; false leaves them as masks have them."""

@@ -1,8 +1,8 @@
 """Where to look: the view of a pass that faces the rack. Paper, section III.B.
 
 A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
-uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way. Such
-a view is widened until it mostly shows two, which tracking needs.
+uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way.
+Such a view is widened until it mostly shows two, which tracking needs.
 """
 
 from collections import OrderedDict

@@ -16,7 +16,8 @@ Point = tuple[float, float, float]
 
 
 class SurveyedSign(BaseModel):
-    """Corners (x, y, z) m in the row's frame, clockwise from the upper left as one reads it; text and code, "" if there is none."""
+    """Corners (x, y, z) m in the row's frame, clockwise from the upper left as one reads it; text and code, "" if there
+    is none."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -46,8 +47,8 @@ def read_row(entry: Mapping[str, Any]) -> SurveyedRow:
 def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:
     """Scores of signs matched one to one within `GATE_M`. Under "signs": how far each sign's worst corner is off, m.
 
-    A surveyed text that the map does not have is missing; a mapped text that is not on the sign is spurious. Empty if the survey
-    has no signs. Raises OutputError if they are malformed.
+    A surveyed text that the map does not have is missing; a mapped text that is not on the sign is spurious. Empty if
+    the survey has no signs. Raises OutputError if they are malformed.
     """
     if "signs" not in survey:
         return Score()
@@ -72,7 +73,8 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
 
 
 def match_signs(corners: Floats, signs: Sequence[Structure]) -> dict[int, int]:
-    """Surveyed signs (corners (n, 4, 3) m) to mapped ones by index, one to one, whose corners are within `GATE_M` on average."""
+    """Surveyed signs (corners (n, 4, 3) m) to mapped ones by index, one to one, whose corners are within `GATE_M` on
+    average."""
     vertices = np.array([sign.vertices for sign in signs]).reshape(-1, 4, 3)
     return matched(np.linalg.norm(corners[:, None] - vertices[None], axis=-1).mean(axis=-1), GATE_M)
 

@@ -1,7 +1,7 @@
 """Signs in a view: from the network's masks to four corners, measured at the panorama's own resolution.
 
-A mask becomes a quadrilateral. The sign is rectified out of the panorama. Each side is the straight line across which brightness
-changes most, near where the mask has it, and the corners are where the sides meet.
+A mask becomes a quadrilateral. The sign is rectified out of the panorama. Each side is the straight line across which
+brightness changes most, near where the mask has it, and the corners are where the sides meet.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -78,8 +78,8 @@ def _sign_features(
 
 
 def quad_of_mask(mask: Mask) -> Floats | None:
-    """Corners (4, 2) px of a mask (h, w), clockwise from the upper left; None if the picture's border cuts the mask, if it is tiny,
-    or if it is not a quadrilateral."""
+    """Corners (4, 2) px of a mask (h, w), clockwise from the upper left; None if the picture's border cuts the mask, if
+    it is tiny, or if it is not a quadrilateral."""
     if _touches_border(mask):
         return None
     contours, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -97,7 +97,8 @@ def _touches_border(mask: Mask) -> bool:
 
 
 def _hull_corners(hull: NDArray[np.int32]) -> Floats:
-    """Four corners (4, 2) of a convex hull: of its simplest approximation that has four, else of the smallest rectangle around it."""
+    """Four corners (4, 2) of a convex hull: of its simplest approximation that has four, else of the smallest rectangle
+    around it."""
     perimeter = cv2.arcLength(hull, True)
     for share in np.arange(0.02, 0.12, 0.01):
         polygon = cv2.approxPolyDP(hull, share * perimeter, True)
@@ -128,7 +129,8 @@ def _side_lengths(corners: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A sign rectified: a grey picture (h, w) in which a quadrilateral of a view fills `inner` (left, top, right, bottom; px).
+    """A sign rectified: a grey picture (h, w) in which a quadrilateral of a view fills `inner` (left, top, right,
+    bottom; px).
 
     view_from_patch (3, 3) is a homography; `scale` is pixels of the patch per pixel of the panorama.
     """
@@ -160,7 +162,8 @@ def rectify(
 ) -> Patch:
     """Rectify a quadrilateral (4, 2) px of a view whose `size` (width, height) is in pixels of the panorama.
 
-    The patch is `scale` times as fine as the panorama, with a margin around the sign that is this share of its shorter side.
+    The patch is `scale` times as fine as the panorama, with a margin around the sign that is this share of its shorter
+    side.
     """
     width, height = (max(round(scale * side), 8) for side in size)
     edge = round(margin * min(width, height))
@@ -184,8 +187,8 @@ def _grey(panorama: Panorama) -> Grey:
 def refine_corners(panorama: Panorama, spec: ViewSpec, quad: Floats) -> tuple[Floats, Floats]:
     """Corners (4, 2) px of a quadrilateral of a view, measured in the panorama, and their covariances (4, 2, 2).
 
-    Sides are searched for widely, then near where they were found. A side that is not found stays as the mask has it, with
-    `SIGMA_MASK_PX`.
+    Sides are searched for widely, then near where they were found. A side that is not found stays as the mask has it,
+    with `SIGMA_MASK_PX`.
     """
     coarse_px = float(np.clip(COARSE_SHARE * _side_lengths(quad).min(), *COARSE_PX))
     coarse, coarse_measured = _measure_sides(panorama, spec, quad, coarse_px)
@@ -203,7 +206,8 @@ def _mask_covariances() -> Floats:
 def _measure_sides(
     panorama: Panorama, spec: ViewSpec, quad: Floats, reach_px: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Corners (4, 2) px, with each side searched for up to `reach_px` of the view to either side, and which sides (4,) were found."""
+    """Corners (4, 2) px, with each side searched for up to `reach_px` of the view to either side, and which sides (4,)
+    were found."""
     size = size_in_panorama(quad, spec, panorama.height)
     patch = rectify(panorama, spec, quad, size, MARGIN_SHARE, OVERSAMPLING)
     width_px = float(np.linalg.norm(quad[[1, 2]] - quad[[0, 3]], axis=1).mean())
@@ -214,7 +218,8 @@ def _measure_sides(
 
 
 def _measure_side(patch: Patch, number: int, reach: float) -> tuple[Floats, bool]:
-    """Two points (2, 2) px of the patch on a side (0 upper, 1 right, 2 lower, 3 left), and whether the side was found."""
+    """Two points (2, 2) px of the patch on a side (0 upper, 1 right, 2 lower, 3 left), and whether the side was
+    found."""
     left, top, right, bottom = patch.inner
     horizontal = number % 2 == 0
     image = patch.image if horizontal else np.ascontiguousarray(patch.image.T)
@@ -230,8 +235,8 @@ def _measure_side(patch: Patch, number: int, reach: float) -> tuple[Floats, bool
 
 
 def _edge_candidates(image: Grey, columns: Floats, expected: float, reach: float) -> Floats:
-    """Where brightness changes most across a side that is expected at row `expected`: for each of the columns (n,) the `PEAKS`
-    strongest places (n, k), relative to `expected`; nan where there are fewer."""
+    """Where brightness changes most across a side that is expected at row `expected`: for each of the columns (n,) the
+    `PEAKS` strongest places (n, k), relative to `expected`; nan where there are fewer."""
     steps = np.arange(-1.6 * reach, 1.6 * reach + 0.01, 0.5)
     u, v = np.meshgrid(columns.astype(np.float32), (expected + steps).astype(np.float32))
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
@@ -249,9 +254,9 @@ def _edge_candidates(image: Grey, columns: Floats, expected: float, reach: float
 def _outermost_line(
     columns: Floats, edges: Floats, reach: float, outwards: int, tolerance: float
 ) -> tuple[float, float] | None:
-    """Slope and height at the middle of the outermost of the lines on which the columns' edges (n, k) agree almost as well as on
-    the best line; None if they agree on none. A printed border has lines of its own further inside, and lines far from where the
-    mask has the side count less."""
+    """Slope and height at the middle of the outermost of the lines on which the columns' edges (n, k) agree almost as
+    well as on the best line; None if they agree on none. A printed border has lines of its own further inside, and
+    lines far from where the mask has the side count less."""
     offsets = columns - columns.mean()
     slopes, heights = _line_hypotheses(columns, edges)
     plausible = np.isfinite(heights) & (np.abs(slopes) * np.ptp(columns) < 2 * reach)
@@ -272,8 +277,8 @@ def _outermost_line(
 
 
 def _line_hypotheses(columns: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Slopes (m,), and heights (m,) at the middle, of the lines through an edge in the first third of the columns and one in the
-    last; nan where a column has fewer edges."""
+    """Slopes (m,), and heights (m,) at the middle, of the lines through an edge in the first third of the columns and
+    one in the last; nan where a column has fewer edges."""
     third = len(columns) // 3
     a, b = (grid.ravel() for grid in np.meshgrid(np.arange(third), np.arange(len(columns) - third, len(columns))))
     starts, ends = edges[a][:, :, None], edges[b][:, None, :]
@@ -283,7 +288,8 @@ def _line_hypotheses(columns: Floats, edges: Floats) -> tuple[Floats, Floats]:
 
 
 def _fit_line(offsets: Floats, edges: Floats, line: Floats, tolerance: float) -> tuple[float, float]:
-    """Slope and height at the middle, by least squares, of the edges (n, k) that lie within a tolerance of a line (n,)."""
+    """Slope and height at the middle, by least squares, of the edges (n, k) that lie within a tolerance of a line
+    (n,)."""
     nearest = np.abs(edges - line[:, None]).argmin(axis=1)
     heights = np.take_along_axis(edges, nearest[:, None], 1)[:, 0]
     inliers = np.abs(heights - line) < tolerance

@@ -1,4 +1,5 @@
-"""Signs in the factor graph and in the map: constraints of their corners, structures of the solution, and the bay of each."""
+"""Signs in the factor graph and in the map: constraints of their corners, structures of the solution, and the bay of
+each."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -144,8 +145,9 @@ def _structure(number: int, tracks: Sequence[Track], solution: Solution, plugin:
 
 
 def with_bays(signs: Sequence[Structure], others: Mapping[str, Sequence[Structure]]) -> list[Structure]:
-    """Signs at the face get the attribute `bay`, such as "bay 3": the bay in front of which they hang. A sign at an upright
-    belongs to the bay that begins there, as one faces it. Bays are what others mapped with an attribute `bay`."""
+    """Signs at the face get the attribute `bay`, such as "bay 3": the bay in front of which they hang. A sign at an
+    upright belongs to the bay that begins there, as one faces it. Bays are what others mapped with an attribute
+    `bay`."""
     spans = _section_spans([part for parts in others.values() for part in parts if SECTION in part.attributes])
     return [_with_bay(sign, spans) for sign in signs]
 

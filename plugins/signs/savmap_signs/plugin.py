@@ -1,6 +1,7 @@
 """Signs on racks and over the aisle, with what is written on them, as a plugin of savmap.
 
-Hooks import their stage when they are called, so that a command that only asks for the plugin's name or settings starts fast.
+Hooks import their stage when they are called, so that a command that only asks for the plugin's name or settings starts
+fast.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
 HFOV_DEG = 90.0
 FACE_VIEWS_DEG = {"signs upper": (0.0, 25.0), "signs lower": (0.0, -25.0)}
 AISLE_VIEWS_DEG = {"signs ahead": (90.0, 25.0), "signs behind": (-90.0, 25.0)}
-"""Yaw to the right of straight at the face, and pitch upwards, of views by name. The cart's motion brings every sign of a face before
-a view; the views must cover the face's height, and have pixels enough for small signs."""
+"""Yaw to the right of straight at the face, and pitch upwards, of views by name. The cart's motion brings every sign of
+a face before a view; the views must cover the face's height, and have pixels enough for small signs."""
 
 
 class Signs:
@@ -130,13 +131,13 @@ class Signs:
 
     @hookimpl
     def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        from savmap_signs.simulation.scene import scene
+        from savmap_signs.lab.scene import scene
 
         return scene(section, rng, site)
 
     @hookimpl
     def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_signs.simulation.random_plates import random_section
+        from savmap_signs.lab.random_plates import random_section
 
         return random_section(rng, site, drawn)
 

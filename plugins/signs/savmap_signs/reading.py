@@ -1,7 +1,7 @@
 """What is written on a sign: read in each view, and one text and code voted from all readings.
 
-Text is read by RapidOCR's networks, QR, Data Matrix and bar codes by ZXing, AprilTags by OpenCV. A reading is "text:A21-03",
-"QRCode:..." or "tag36h11:7", with a confidence 0..1.
+Text is read by RapidOCR's networks, QR, Data Matrix and bar codes by ZXing, AprilTags by OpenCV. A reading is
+"text:A21-03", "QRCode:..." or "tag36h11:7", with a confidence 0..1.
 """
 
 import importlib
@@ -33,7 +33,8 @@ CODE_CONFIDENCE = 1.0
 LEAST_READINGS = 2
 NO_WEIGHT_CONFIDENCE = 0.5  # a text read with less than this does not count
 SELF_CHECKING = ("QRCode:", "DataMatrix:", "Aztec:")
-"""Codes that correct and check themselves: one reading is enough. Bar codes and tags are now and then read where there are none."""
+"""Codes that correct and check themselves: one reading is enough. Bar codes and tags are now and then read where there
+are none."""
 
 
 def missing_packages() -> tuple[str, ...]:
@@ -52,7 +53,8 @@ def missing_packages_note() -> str | None:
 def read(panorama: Panorama, spec: ViewSpec, corners: Floats) -> Mapping[str, float]:
     """Readings, with their confidences, of the sign with these corners (4, 2) px of a view.
 
-    Empty if the sign is too small in the panorama, or if a package of the extra `signs` is missing. Small signs are enlarged.
+    Empty if the sign is too small in the panorama, or if a package of the extra `signs` is missing. Small signs are
+    enlarged.
     """
     size = size_in_panorama(corners, spec, panorama.height)
     if missing_packages() or min(size) < LEAST_SIZE_PX:
@@ -72,7 +74,8 @@ def read_codes(image: Grey) -> dict[str, float]:
 
 
 def read_text(image: Grey) -> dict[str, float]:
-    """The lines of text in a grey picture (h, w), from the top down, as one reading with the confidence of the least sure line."""
+    """The lines of text in a grey picture (h, w), from the top down, as one reading with the confidence of the least
+    sure line."""
     result = _text_reader()(cv2.cvtColor(image, cv2.COLOR_GRAY2RGB))
     if result.txts is None or result.boxes is None:
         return {}
@@ -112,7 +115,8 @@ def _text_reader() -> Any:
 
 @dataclass(frozen=True)
 class Inscription:
-    """A sign's text with its confidence 0..1 ("" and 0 if it is not known), and its code's kind and content ("" if none)."""
+    """A sign's text with its confidence 0..1 ("" and 0 if it is not known), and its code's kind and content ("" if
+    none)."""
 
     text: str = ""
     confidence: float = 0.0
@@ -122,9 +126,9 @@ class Inscription:
 def vote(readings: Iterable[Mapping[str, float]], pattern: str | None, least_confidence: float) -> Inscription:
     """The text and the code that most readings of a sign give. Each text weighs as much as its confidence exceeds 0.5.
 
-    A text is taken if at least two readings agree on it, it matches the pattern, and its share of all weights, times its mean
-    weight, reaches `least_confidence`. A code is taken if it was read twice; one that checks itself also if it was read once
-    and no other code was.
+    A text is taken if at least two readings agree on it, it matches the pattern, and its share of all weights, times
+    its mean weight, reaches `least_confidence`. A code is taken if it was read twice; one that checks itself also if it
+    was read once and no other code was.
     """
     weights: dict[str, list[float]] = defaultdict(list)
     codes: Counter[str] = Counter()
@@ -138,7 +142,8 @@ def vote(readings: Iterable[Mapping[str, float]], pattern: str | None, least_con
 
 
 def _matching_text(text: str, pattern: str | None) -> str | None:
-    """The part of a text that the pattern matches: the whole, the whole without spaces, or a word; None if there is none."""
+    """The part of a text that the pattern matches: the whole, the whole without spaces, or a word; None if there is
+    none."""
     if pattern is None:
         return text
     candidates = (text, text.replace(" ", ""), *text.split())

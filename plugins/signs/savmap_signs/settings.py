@@ -42,7 +42,8 @@ class Settings(BaseModel):
     size_sigma_m: Annotated[float, Field(gt=0)] = 0.002
     """Standard deviation of the known sizes, metres."""
     parallel: tuple[Literal["face", "across", "floor"], ...] = ()
-    """A sign within 15 degrees of one of these planes is parallel to it: the face, the plane across the aisle, the floor."""
+    """A sign within 15 degrees of one of these planes is parallel to it: the face, the plane across the aisle, the
+    floor."""
 
     @field_validator("pattern")
     @classmethod

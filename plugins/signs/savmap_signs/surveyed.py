@@ -13,9 +13,9 @@ FACING = 0.7
 
 
 def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
-    """The signs with their corners, clockwise from the upper left one as one reads them, and their texts. Either side of a sign that is not in the
-    face may be the one that is read: its four corners stay in the order in which they were given, and a plate is read where its first corner is.
-    Raises OutputError."""
+    """The signs with their corners, clockwise from the upper left one as one reads them, and their texts. Either side
+    of a sign that is not in the face may be the one that is read: its four corners stay in the order in which they were
+    given, and a plate is read where its first corner is. Raises OutputError."""
     return SurveyEntry({"signs": [_sign(own) for own in structures]})
 
 

@@ -1,7 +1,9 @@
-"""Signs through the sequence: pairs of sightings say where a sign might be, and the place that most sightings agree with is a sign.
+"""Signs through the sequence: pairs of sightings say where a sign might be, and the place that most sightings agree
+with is a sign.
 
-Random sample consensus (Fischler and Bolles 1981) over all pairs near in time, repeated without the sightings that are explained.
-All views count together, so that a sign that passes from the view ahead to that of the face is tracked as one.
+Random sample consensus (Fischler and Bolles 1981) over all pairs near in time, repeated without the sightings that are
+explained. All views count together, so that a sign that passes from the view ahead to that of the face is tracked as
+one.
 """
 
 from collections.abc import Sequence
@@ -32,8 +34,9 @@ PATH_ERROR_M = 0.03
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """n signs, each as one view of one frame shows it: its four features in the order of `PARTS`, its frame (n,), the camera's
-    position (n, 3) m and unit rays to the corners (n, 4, 3) in the row's frame, and the view's focal length (n,) px."""
+    """n signs, each as one view of one frame shows it: its four features in the order of `PARTS`, its frame (n,), the
+    camera's position (n, 3) m and unit rays to the corners (n, 4, 3) in the row's frame, and the view's focal length
+    (n,) px."""
 
     features: Sequence[tuple[Feature, ...]]
     frames: Ints
@@ -55,8 +58,9 @@ class Sightings:
         )
 
     def errors_px(self, quads: Floats) -> Floats:
-        """How far off, px, the worst corner of signs is in sightings, beyond what a camera that is off by `PATH_ERROR_M` explains;
-        infinite behind the camera. For signs (4, 3) m or (n, 4, 3), one for each sighting: (n,). For signs (h, 1, 4, 3): (h, n)."""
+        """How far off, px, the worst corner of signs is in sightings, beyond what a camera that is off by
+        `PATH_ERROR_M` explains; infinite behind the camera. For signs (4, 3) m or (n, 4, 3), one for each sighting:
+        (n,). For signs (h, 1, 4, 3): (h, n)."""
         towards = quads - self.origins[:, None]
         distance = np.maximum(np.linalg.norm(towards, axis=-1), 1e-6)
         cosine = (towards * self.rays).sum(axis=-1) / distance
@@ -89,7 +93,8 @@ def sightings_of(features: Sequence[Feature], facts: RowFacts, start: Trajectory
 
 
 def track_signs(features: Sequence[Feature], facts: RowFacts, start: Trajectory, config: Settings) -> list[Track]:
-    """Tracks "sign 3 / upper left" and so on, of signs numbered along x from 1. Their `place` has what was read on the sign.
+    """Tracks "sign 3 / upper left" and so on, of signs numbered along x from 1. Their `place` has what was read on the
+    sign.
 
     Raises StructureError if no sign was seen in at least three frames.
     """
@@ -129,7 +134,8 @@ def _find_signs(sightings: Sightings) -> list[tuple[Floats, Ints]]:
 
 
 def _hypotheses(sightings: Sightings) -> Floats:
-    """Corners (h, 4, 3) m from pairs of sightings in different frames whose rays meet well, in front of both cameras."""
+    """Corners (h, 4, 3) m from pairs of sightings in different frames whose rays meet well, in front of both
+    cameras."""
     order = np.argsort(sightings.frames, kind="stable")
     frames = sightings.frames[order]
     pairs = []
@@ -146,15 +152,16 @@ def _hypotheses(sightings: Sightings) -> Floats:
 
 
 def partners(later: Ints) -> Ints:
-    """Which of the later sightings (n,) to pair a sighting with: the next ones, for a sign that is soon gone, and a spread of the
-    rest."""
+    """Which of the later sightings (n,) to pair a sighting with: the next ones, for a sign that is soon gone, and a
+    spread of the rest."""
     rest = later[PARTNERS:]
     spread = np.unique(np.linspace(0, len(rest) - 1, min(len(rest), PARTNERS)).astype(int))
     return np.concatenate([later[:PARTNERS], rest[spread]])
 
 
 def _triangulate(first: Sightings, second: Sightings) -> Floats:
-    """Corners (h, 4, 3) m of the pairs of sightings, m in each, whose rays meet within `PAIR_PX` and have the shape of a sign."""
+    """Corners (h, 4, 3) m of the pairs of sightings, m in each, whose rays meet within `PAIR_PX` and have the shape of
+    a sign."""
     quads = midway(first.origins[:, None], first.rays, second.origins[:, None], second.rays)
     kept = is_sign_shaped(quads)
     for sightings in (first, second):
@@ -164,7 +171,8 @@ def _triangulate(first: Sightings, second: Sightings) -> Floats:
 
 
 def _settle(sightings: Sightings, agree: NDArray[np.bool_], unexplained: NDArray[np.bool_]) -> tuple[Floats, Ints]:
-    """A sign's corners (4, 3) m from the sightings that agree, which are chosen again by these corners, and their index."""
+    """A sign's corners (4, 3) m from the sightings that agree, which are chosen again by these corners, and their
+    index."""
     quad, chosen = np.zeros((4, 3)), np.flatnonzero(agree)
     for _ in range(3):
         if len(chosen) < 2:
@@ -176,7 +184,8 @@ def _settle(sightings: Sightings, agree: NDArray[np.bool_], unexplained: NDArray
 
 
 def _best_of_each_frame(frames: Ints, errors_px: Floats) -> Ints:
-    """The index of the sighting that agrees best in each frame, if it agrees: two views of a frame show the same pixels."""
+    """The index of the sighting that agrees best in each frame, if it agrees: two views of a frame show the same
+    pixels."""
     order = np.argsort(errors_px, kind="stable")
     best = order[np.unique(frames[order], return_index=True)[1]]
     return np.sort(best[errors_px[best] < AGREE_PX])

@@ -54,7 +54,8 @@ def _network(model: Path) -> str:
 
 
 def schema_of(name: str) -> str:
-    """The JSON Schema of a kind of file: "site", with the settings of all installed plugins, or "map". Raises SiteError."""
+    """The JSON Schema of a kind of file: "site", with the settings of all installed plugins, or "map". Raises
+    SiteError."""
     from savmap.errors import SiteError
     from savmap.maps.schema import schema_text as map_schema_text
     from savmap.plugin.manager import load_installed

@@ -43,8 +43,8 @@ def map_(
     ] = False,
     sets: Sets = None,
 ) -> None:
-    """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still holds, is
-    not done again."""
+    """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still
+    holds, is not done again."""
     from savmap.cli.mapping import failures_told, map_and_print, preview_and_print
     from savmap.site.job import job_for
     from savmap.site.overrides import overrides_of

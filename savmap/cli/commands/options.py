@@ -37,7 +37,8 @@ Output = Annotated[Path, output_option("Folder for the results, or a URL.", "FOL
 
 
 def map_of(path: Path | None) -> Path | None:
-    """The map file that an argument names, itself or by its folder. Of a map that a run which failed left there, a line tells on standard error."""
+    """The map file that an argument names, itself or by its folder. Of a map that a run which failed left there, a line
+    tells on standard error."""
     from savmap.maps.map_file import map_in
 
     if path is None:
@@ -47,7 +48,8 @@ def map_of(path: Path | None) -> Path | None:
 
 
 def warn_of_earlier(source: Path | None) -> None:
-    """A line on standard error where a map, or that of a folder, is of an earlier run than the last into that folder, which failed."""
+    """A line on standard error where a map, or that of a folder, is of an earlier run than the last into that folder,
+    which failed."""
     from savmap.maps.map_file import map_in
     from savmap.maps.run_record import failed_since
 
@@ -68,8 +70,8 @@ FirstMap = Annotated[
 
 
 def the_map(maps: list[Path] | None, last: str) -> Path:
-    """The map of a command that may be given one before its other arguments, of which `last` is the last. Raises SiteError for several, and where
-    the last argument is the map."""
+    """The map of a command that may be given one before its other arguments, of which `last` is the last. Raises
+    SiteError for several, and where the last argument is the map."""
     from savmap.errors import SiteError
 
     several = maps or [Path("out/map.json")]

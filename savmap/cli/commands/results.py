@@ -108,7 +108,8 @@ def view(
     fresh: Annotated[bool, typer.Option("--fresh", help="Write the page anew.")] = False,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open it in the browser.")] = True,
 ) -> None:
-    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where that of this map is not there."""
+    """Look at a map in the browser: 3D, panoramas, search, measuring. Writes view.html where that of this map is not
+    there."""
     import webbrowser
 
     from savmap.jobs import api
@@ -182,7 +183,8 @@ def _frame_of(name: str, site_map: "SiteMap") -> str:
 
 
 def _say_banner(site_map: "SiteMap") -> None:
-    """What a file that was written of a map, or a figure of it, does not show: the rows that it lacks, and those that are to be checked first."""
+    """What a file that was written of a map, or a figure of it, does not show: the rows that it lacks, and those that
+    are to be checked first."""
     if site_map.banner:
         say(f"note: {site_map.banner} (`savmap view`, report.html)")
 

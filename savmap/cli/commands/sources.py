@@ -58,10 +58,10 @@ def simulate(
 ) -> None:
     """Make footage of a made-up place, with its truth."""
     from savmap.cli.console import Console
-    from savmap.sim.render.raycast import require_ray_caster
-    from savmap.sim.scene.files import load_scene
-    from savmap.sim.simulate import mask_view
-    from savmap.sim.simulate import simulate as render_footage
+    from savmap.lab.sim.render.raycast import require_ray_caster
+    from savmap.lab.sim.scene.files import load_scene
+    from savmap.lab.sim.simulate import mask_view
+    from savmap.lab.sim.simulate import simulate as render_footage
     from savmap.site.job import prepare
 
     loaded, views = load_scene(scene), [mask_view(number, text) for number, text in enumerate(mask or [], start=1)]
@@ -95,13 +95,14 @@ def train(
         bool, typer.Option("--whole", help="With --init: train all layers at full rates, for thousands of pictures.")
     ] = False,
 ) -> None:
-    """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was stopped."""
+    """Train or fine-tune a plugin's network (needs the `train` extra). The same command goes on with a run that was
+    stopped."""
     from savmap.cli.commands.training import network_lines
     from savmap.cli.console import Console
+    from savmap.lab.train import check
+    from savmap.lab.train import train as train_network
+    from savmap.lab.train.plan import TrainOptions, plan_of
     from savmap.site.job import prepare
-    from savmap.train import check
-    from savmap.train import train as train_network
-    from savmap.train.plan import TrainOptions, plan_of
 
     options = TrainOptions(data, output, minutes, seed, init, renamed or (), held_out or (), int8, steps, whole)
     plan = plan_of(plugin, options)
@@ -126,7 +127,7 @@ def label(
 ) -> None:
     """Choose the views most worth labelling, and write them with the network's own masks to start from."""
     from savmap.cli.console import Console
-    from savmap.label.run import label as choose_and_write
+    from savmap.lab.label.run import label as choose_and_write
     from savmap.site.overrides import overrides_of
 
     with Console(Path(os.devnull)) as console:
@@ -157,14 +158,15 @@ def adapt(
     ] = None,
     sets: Sets = None,
 ) -> None:
-    """Let a site teach a plugin's network: its map labels its own footage (needs the `train` extra). A second call goes on."""
-    from savmap.adapt.records import AdaptOptions
-    from savmap.adapt.run import adapt as teach
+    """Let a site teach a plugin's network: its map labels its own footage (needs the `train` extra). A second call goes
+    on."""
     from savmap.cli.commands.training import adapted_lines
     from savmap.cli.console import Console
+    from savmap.lab.adapt.records import AdaptOptions
+    from savmap.lab.adapt.run import adapt as teach
+    from savmap.lab.train import check_extra
     from savmap.site.job import prepare
     from savmap.site.overrides import overrides_of
-    from savmap.train import check_extra
 
     check_extra()
     options = AdaptOptions(plugin, row or (), rounds, minutes, steps, replay or (), jobs=jobs)

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any
 
-from savmap.adapt.records import Adapted, RoundResult, mean
-from savmap.train import LEAST_TO_CALIBRATE, VALIDATION, TrainedNetwork
+from savmap.lab.adapt.records import Adapted, RoundResult, mean
+from savmap.lab.train import LEAST_TO_CALIBRATE, VALIDATION, TrainedNetwork
 
 
 def network_lines(network: TrainedNetwork) -> Iterator[str]:

@@ -1,7 +1,8 @@
 """How pictures are bent at the seam of two lenses, by the parallax of their baseline.
 
-The lenses stand 2 to 3 cm apart, back to back, and what one of them sees does not fit beside what the other sees. A camera's program hides the step: it bends the
-pictures about the seam, so that each thing there is displaced by an angle that depends on its distance.
+The lenses stand 2 to 3 cm apart, back to back, and what one of them sees does not fit beside what the other sees. A
+camera's program hides the step: it bends the pictures about the seam, so that each thing there is displaced by an angle
+that depends on its distance.
 """
 
 from dataclasses import dataclass
@@ -13,8 +14,10 @@ from savmap.types import Floats
 
 @dataclass(frozen=True)
 class Bend:
-    """A way to bend the pictures. The front lens looks along a level axis, `turn_deg` to the right of the drive. From `half_width_deg` before the seam to as much behind it, the
-    point of view moves from one lens to the other. The baseline between them lies along that axis or, `upwards`, along the vertical; the solve begins with `initial_m` of it.
+    """A way to bend the pictures. The front lens looks along a level axis, `turn_deg` to the right of the drive. From
+    `half_width_deg` before the seam to as much behind it, the point of view moves from one lens to the other. The
+    baseline between them lies along that axis or, `upwards`, along the vertical; the solve begins with `initial_m` of
+    it.
 
     `drive` (3, 3) of its methods are the axes that `drive_axes` gives.
     """
@@ -51,7 +54,8 @@ BENDS = (
 
 
 def total_baseline(parts: Floats, covariance: Floats) -> tuple[float, float]:
-    """The length of the baseline that is the sum of the bends' `parts` (b,), m, and its standard deviation, by the parts' covariance (b, b)."""
+    """The length of the baseline that is the sum of the bends' `parts` (b,), m, and its standard deviation, by the
+    parts' covariance (b, b)."""
     directions = np.array([bend.baseline(np.eye(3)) for bend in BENDS])
     total = parts @ directions
     length = float(np.linalg.norm(total))
@@ -68,8 +72,9 @@ def largest_displacement(parts: Floats) -> float:
 
 
 def drive_axes(poses: Floats, speeds: Floats) -> Floats:
-    """The unit directions (3, 3) along which a camera mostly goes, across that to the right, and upwards, in the rig frame, from its poses world_from_rig (f, 4, 4), y up,
-    and speeds (f, 3) m/s in the world: one for all passes, for the camera is one."""
+    """The unit directions (3, 3) along which a camera mostly goes, across that to the right, and upwards, in the rig
+    frame, from its poses world_from_rig (f, 4, 4), y up, and speeds (f, 3) m/s in the world: one for all passes, for
+    the camera is one."""
     inside = np.einsum("fji,fj->fi", poses[:, :3, :3], speeds)
     along = np.linalg.eigh(inside.T @ inside)[1][:, -1]
     along *= -1.0 if along @ inside.sum(axis=0) < 0 else 1.0

@@ -70,8 +70,9 @@ class Lenses:
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there is a
-    `blend_deg`, the `vertical` scale, the `lens_distance`, and that of the read-out, where it has an `axis`. A measured pixel and those about it belong to one half."""
+    """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there
+    is a `blend_deg`, the `vertical` scale, the `lens_distance`, and that of the read-out, where it has an `axis`. A
+    measured pixel and those about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
@@ -115,7 +116,8 @@ class Distortion:
 
     @cached_property
     def _parallax(self) -> Floats:
-        """How the points' pixels move (n, 2, b) with the baseline of each bend, px/m. What is seen about a point moves with it, and is not sheared: that is below a degree."""
+        """How the points' pixels move (n, 2, b) with the baseline of each bend, px/m. What is seen about a point moves
+        with it, and is not sheared: that is below a degree."""
         points, drive = self.scene.points, self.scene.drive
         slopes = self.lenses.projected(points)[1] * (self.lenses.depths(points) > LEAST_DEPTH_M)[:, None, None]
         rays = points / np.maximum(np.linalg.norm(points, axis=1), LEAST_DEPTH)[:, None]
@@ -167,8 +169,8 @@ def read_out_share(rays: Floats, front_deg: float, axis: str) -> Floats:
 
 
 def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
-    """Speeds (f, 3) m/s in the world and turning rates (f, 3) rad/s in the rig frame of poses (f, 4, 4) at stamps (f,), in
-    order of time; zeros where two stamps are equal."""
+    """Speeds (f, 3) m/s in the world and turning rates (f, 3) rad/s in the rig frame of poses (f, 4, 4) at stamps (f,),
+    in order of time; zeros where two stamps are equal."""
     count = len(poses)
     before, after = np.maximum(np.arange(count) - 1, 0), np.minimum(np.arange(count) + 1, count - 1)
     span = stamps_s[after] - stamps_s[before]

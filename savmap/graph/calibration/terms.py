@@ -1,12 +1,13 @@
-"""What is wrong with the camera as unknowns of the solve: how its panoramas are stitched, and how long they take to read out.
+"""What is wrong with the camera as unknowns of the solve: how its panoramas are stitched, and how long they take to
+read out.
 
-A consumer panorama is put together from two fisheye lenses, back to back. To first order, wrong angles between the lenses
-and wrong principal points turn one half against the other, and a wrong focal length stretches a half away from its axis:
-small turns phi = sum_j beta_j b_j(r) of each ray r, the same in every frame (additional parameters of a self-calibrating
-bundle adjustment; Brown 1971). A panorama that was cropped above and below and stretched to 2:1 again shows all elevations
-larger by one factor. The baseline between the two lenses displaces what is seen at their seam by its parallax (`bends`).
-A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out:
-one unknown, tau, times the pixel's velocity between neighbouring frames (Hedborg et al., Rolling shutter bundle adjustment,
+A consumer panorama is put together from two fisheye lenses, back to back. To first order, wrong angles between the
+lenses and wrong principal points turn one half against the other, and a wrong focal length stretches a half away from
+its axis: small turns phi = sum_j beta_j b_j(r) of each ray r, the same in every frame (additional parameters of a
+self-calibrating bundle adjustment; Brown 1971). A panorama that was cropped above and below and stretched to 2:1 again
+shows all elevations larger by one factor. The baseline between the two lenses displaces what is seen at their seam by
+its parallax (`bends`). A rolling shutter shows a point where it was s tau later, s = -1/2..1/2 across the read-out: one
+unknown, tau, times the pixel's velocity between neighbouring frames (Hedborg et al., Rolling shutter bundle adjustment,
 CVPR 2012). Turning jitter faster than the frames follow one another is not modelled.
 """
 
@@ -34,8 +35,8 @@ FAR_PX = 300.0
 
 @dataclass(frozen=True)
 class Stitching:
-    """Standard deviations of the rear half's turn against the front half about each of the front lens's axes, degrees, and of
-    each lens's scale. The halves are blended over `blend_deg`."""
+    """Standard deviations of the rear half's turn against the front half about each of the front lens's axes, degrees,
+    and of each lens's scale. The halves are blended over `blend_deg`."""
 
     turn_sigma_deg: float = 1.0
     scale_sigma: float = 0.003
@@ -59,8 +60,9 @@ class VerticalScale:
 
 @dataclass(frozen=True)
 class LensDistance:
-    """Standard deviation, m, about 0 of each part (`BENDS`) of the baseline between two lenses whose seam crosses the face. The solve begins at the parts' `initial_m`: far from the
-    right baseline, measurements at the seam look like outliers."""
+    """Standard deviation, m, about 0 of each part (`BENDS`) of the baseline between two lenses whose seam crosses the
+    face. The solve begins at the parts' `initial_m`: far from the right baseline, measurements at the seam look like
+    outliers."""
 
     sigma_m: float = 0.03
 
@@ -71,8 +73,8 @@ class LensDistance:
 
 @dataclass(frozen=True)
 class Shutter:
-    """Standard deviation of the read-out time, s, over the panorama's rows (later lower down) or each half's columns (later
-    to the right); negative where it runs the other way."""
+    """Standard deviation of the read-out time, s, over the panorama's rows (later lower down) or each half's columns
+    (later to the right); negative where it runs the other way."""
 
     sigma_s: float = 0.02
     axis: Literal["rows", "columns"] = "rows"
@@ -84,8 +86,9 @@ class Shutter:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of `names`. The front
-    lens looks at longitude `front_deg` of the panorama; the lens distance does not use `front_deg`."""
+    """Which terms are unknowns of the solve. Values are radians, fractions, metres and seconds, in the order of
+    `names`. The front lens looks at longitude `front_deg` of the panorama; the lens distance does not use
+    `front_deg`."""
 
     stitching: Stitching | None = None
     shutter: Shutter | None = None
@@ -154,9 +157,9 @@ class Calibration:
     def corrected(self, measurements: ImageMeasurements, values: Floats, scene: Scene) -> ImageMeasurements:
         """Measurements with these parameters corrected for `values` (p,), and their slopes to these now.
 
-        Pixels, their covariances and the directions of other biases are moved with the picture about them: an edge's place is loose along it, and
-        only there. The slopes of a measurement are those at the pixel where its point should be, which an edge leaves open along itself: its line
-        turns about where it was seen.
+        Pixels, their covariances and the directions of other biases are moved with the picture about them: an edge's
+        place is loose along it, and only there. The slopes of a measurement are those at the pixel where its point
+        should be, which an edge leaves open along itself: its line turns about where it was seen.
         """
         lenses = Lenses.of(measurements)
         blend = self.stitching.blend_deg if self.stitching else None

@@ -1,8 +1,8 @@
 """Appearance as relative motion: points followed through a few frames, as one factor between these frames' poses.
 
-Each point is free in space. It is triangulated with the poses that the structures gave, and left out where it disagrees with them;
-then it is eliminated (Mourikis and Roumeliotis 2007), so that the factor binds its frames to one another and to no position,
-no scale and no structure. The factor is linear about the structures' poses.
+Each point is free in space. It is triangulated with the poses that the structures gave, and left out where it disagrees
+with them; then it is eliminated (Mourikis and Roumeliotis 2007), so that the factor binds its frames to one another and
+to no position, no scale and no structure. The factor is linear about the structures' poses.
 """
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class Reprojection:
-    """Points' errors (n, k, 2) px, the errors' slopes (n, k, 2, 3) by the point in the rig, px/m, and where it is there,
-    offsets (n, k, 3) m."""
+    """Points' errors (n, k, 2) px, the errors' slopes (n, k, 2, 3) by the point in the rig, px/m, and where it is
+    there, offsets (n, k, 3) m."""
 
     errors: Floats
     slopes: Floats
@@ -41,10 +41,10 @@ class Reprojection:
 def motion_constraints(
     flows: Sequence[Flow], path: Trajectory, frames: Ints, sigma_px: float = SIGMA_PX
 ) -> tuple[Constraints, dict[str, int]]:
-    """Motion between `frames`, those that structures were seen in, from followed points, about the `path` that the structures
-    gave; and, for the report, the numbers of points and of those that agree with it. Frames where the path is worse than a
-    decimetre get no factor. `sigma_px`: of each point, much more than its error, for neighbouring points err alike and
-    windows overlap."""
+    """Motion between `frames`, those that structures were seen in, from followed points, about the `path` that the
+    structures gave; and, for the report, the numbers of points and of those that agree with it. Frames where the path
+    is worse than a decimetre get no factor. `sigma_px`: of each point, much more than its error, for neighbouring
+    points err alike and windows overlap."""
     known = np.intersect1d(frames, path.frames[_sigma_m(path) < MOST_M])
     graph, seen, used = gtsam.NonlinearFactorGraph(), 0, 0
     for flow in flows:
@@ -68,9 +68,9 @@ def _sigma_m(path: Trajectory) -> Floats:
 
 
 def weighed_points(flow: Flow, poses: Floats, sigma_m: Floats) -> tuple[Floats, Floats]:
-    """Points (n, 3) m by poses (k, 4, 4) whose positions have standard deviations sigma_m (k,), and the weight of each (n,):
-    Huber's weight of its largest error, in standard deviations of the tracker's and the positions' errors; 0 where a point is
-    not in front of the camera, has no parallax, or deviates by more than four."""
+    """Points (n, 3) m by poses (k, 4, 4) whose positions have standard deviations sigma_m (k,), and the weight of each
+    (n,): Huber's weight of its largest error, in standard deviations of the tracker's and the positions' errors; 0
+    where a point is not in front of the camera, has no parallax, or deviates by more than four."""
     points = triangulated(flow, poses, sigma_m)
     projected = seen_from(flow, poses, points)
     depth = projected.offsets @ flow.spec.rig_from_view[:, 2]
@@ -123,8 +123,8 @@ def _by_point(projected: Reprojection, poses: Floats) -> Floats:
 
 
 def motion(flow: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """What points (n, 3) say of their frames' motion with weights (n,) 1/px: whitened slopes (m, 6k) and errors (m,), with
-    m <= 6k + 1, by turns and steps in each rig's own axes, as GTSAM moves poses."""
+    """What points (n, 3) say of their frames' motion with weights (n,) 1/px: whitened slopes (m, 6k) and errors (m,),
+    with m <= 6k + 1, by turns and steps in each rig's own axes, as GTSAM moves poses."""
     projected = seen_from(flow, poses, points)
     count, frames = len(projected.errors), len(flow.frames)
     blocks = np.concatenate([projected.slopes @ _skew(projected.offsets), -projected.slopes], axis=-1)

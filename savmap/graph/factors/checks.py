@@ -1,8 +1,8 @@
 """Checks of what a plugin's `constrain` returned, before GTSAM's solver uses it.
 
-The solver would not notice: a factor over another plugin's keys moves its structures, a NaN spoils the whole solution, and a
-Jacobian of the wrong shape ends the process. GTSAM hands a factor's Jacobians to Python as they are (`JacobianVector`), so that
-they can be checked without the C++ code that relies on them.
+The solver would not notice: a factor over another plugin's keys moves its structures, a NaN spoils the whole solution,
+and a Jacobian of the wrong shape ends the process. GTSAM hands a factor's Jacobians to Python as they are
+(`JacobianVector`), so that they can be checked without the C++ code that relies on them.
 """
 
 from collections.abc import Iterator
@@ -28,9 +28,10 @@ class _FactorError(Exception):
 def require_valid_constraints(plugin: str, constraints: Constraints, start: Trajectory) -> None:
     """Check the factors, relations and first values that a plugin's `constrain` returned for the first poses `start`.
 
-    Factors and relations must bind the plugin's own keys, and factors frames' poses too, but no factor a single pose alone. At the
-    first values every factor must have a finite error of its noise model's dimension, and finite Jacobians (dimension, 6) by
-    a frame's pose, (dimension, 3) by any other variable. Factors of frames without a first pose are not evaluated.
+    Factors and relations must bind the plugin's own keys, and factors frames' poses too, but no factor a single pose
+    alone. At the first values every factor must have a finite error of its noise model's dimension, and finite
+    Jacobians (dimension, 6) by a frame's pose, (dimension, 3) by any other variable. Factors of frames without a first
+    pose are not evaluated.
 
     Raises PluginFailedError with the first thing that is wrong.
     """
@@ -39,8 +40,8 @@ def require_valid_constraints(plugin: str, constraints: Constraints, start: Traj
 
 
 def check_jacobians(constraints: Constraints, start: Trajectory) -> list[str]:
-    """A line about each factor whose Jacobians are not its numerical derivatives at the first values, for `check_plugin`. The
-    constraints must have passed `require_valid_constraints`."""
+    """A line about each factor whose Jacobians are not its numerical derivatives at the first values, for
+    `check_plugin`. The constraints must have passed `require_valid_constraints`."""
     values = first_values(constraints, start)
     lines = []
     for number, factor in enumerate(factors_in(constraints.factors)):
@@ -54,7 +55,8 @@ def check_jacobians(constraints: Constraints, start: Trajectory) -> list[str]:
 
 
 def jacobian_difference(factor: gtsam.NoiseModelFactor, values: gtsam.Values) -> float:
-    """The largest difference of a factor's Jacobians from central differences of its error, as a part of their largest entry."""
+    """The largest difference of a factor's Jacobians from central differences of its error, as a part of their largest
+    entry."""
     _, given = _evaluated(factor, values)
     numeric = [_derivative(factor, values, key) for key in _keys(factor)]
     size = max(float(np.abs(block).max(initial=0.0)) for block in numeric)

@@ -1,4 +1,5 @@
-"""How deep flat parts lie (`savmap.vision.evidence.depth`), as relations of the plugins' landmarks, once the path is in metres."""
+"""How deep flat parts lie (`savmap.vision.evidence.depth`), as relations of the plugins' landmarks, once the path is in
+metres."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,13 +10,14 @@ from savmap.graph.constraints import TIGHT_M, Constraints, Relation, fixed_coord
 from savmap.types import FlatDepth, Trajectory
 
 LIKELY = 3.0
-"""Standard deviations within which what a plugin knows of a coordinate agrees with what was measured: beyond, something else was."""
+"""Standard deviations within which what a plugin knows of a coordinate agrees with what was measured: beyond, something
+else was."""
 
 
 @dataclass(frozen=True)
 class ToldDepth:
-    """What flat parts told: the plugin, the coordinate of its landmark as a relation, and by how many sections; `likely`: whether it
-    agrees with what the plugin knows of it."""
+    """What flat parts told: the plugin, the coordinate of its landmark as a relation, and by how many sections;
+    `likely`: whether it agrees with what the plugin knows of it."""
 
     plugin: str
     landmark: str

@@ -20,7 +20,8 @@ FIRST_BEFORE_M = 1.0
 def floor_constraints(
     tracks: Sequence[Track], views: Mapping[str, ViewSpec], sigma: float, references: References, start: Trajectory
 ) -> Constraints | None:
-    """The floor's part of the graph; None without points. sigma: of their common depth below the camera, as a share of it.
+    """The floor's part of the graph; None without points. sigma: of their common depth below the camera, as a share of
+    it.
 
     The points are on one level, which is one reference: what is wrong of one is wrong of all.
     """
@@ -39,8 +40,8 @@ def floor_constraints(
 
 
 def without_presumed(constraints: Constraints) -> Constraints:
-    """A plugin's constraints without what it takes for granted of heights, and the landmarks that are there for that: the floor itself is seen, and guards
-    may hide what stands on it."""
+    """A plugin's constraints without what it takes for granted of heights, and the landmarks that are there for that:
+    the floor itself is seen, and guards may hide what stands on it."""
     granted = {one.a for one in constraints.relations if one.presumed and one.axis == "y"}
     if not granted:
         return constraints

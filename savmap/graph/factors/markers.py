@@ -1,4 +1,5 @@
-"""Square markers as constraints: four corners that form a square in any attitude, with a side that the user measured."""
+"""Square markers as constraints: four corners that form a square in any attitude, with a side that the user
+measured."""
 
 from collections.abc import Mapping, Sequence
 

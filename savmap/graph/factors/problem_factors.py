@@ -1,7 +1,8 @@
 """The problem as GTSAM's own compiled factors, and estimates as GTSAM values.
 
-The position of each frame is a point variable beside its pose (`ReferenceFrameFactor` with the rig's origin), so that heights
-and motion are plain relations between points in the world's axes. Axes that a relation leaves free have no weight.
+The position of each frame is a point variable beside its pose (`ReferenceFrameFactor` with the rig's origin), so that
+heights and motion are plain relations between points in the world's axes. Axes that a relation leaves free have no
+weight.
 """
 
 from collections.abc import Iterator
@@ -26,7 +27,8 @@ HELD_M, HELD_RAD = 1e-4, 1e-5
 def measurement_factors(
     measurements: ImageMeasurements, huber: float | Floats | None = HUBER
 ) -> list[gtsam.NonlinearFactor]:
-    """One projection factor a measurement, with its full covariance, in Huber's loss, one or one each (n,), unless that is None."""
+    """One projection factor a measurement, with its full covariance, in Huber's loss, one or one each (n,), unless that
+    is None."""
     lenses = [_calibration(spec.camera) for spec in measurements.views]
     mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in measurements.views]
     poses = {frame: frame_key(frame) for frame in np.unique(measurements.frames).tolist()}
@@ -68,7 +70,8 @@ def whole_graph(
 
 
 def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
-    """All but the measurements: relations, frames, references, and the plugins' factors. `at` gives the motion to stay near to."""
+    """All but the measurements: relations, frames, references, and the plugins' factors. `at` gives the motion to stay
+    near to."""
     graph = gtsam.NonlinearFactorGraph()
     for relation in problem.relations:
         graph.add(relation_factor(relation))
@@ -132,7 +135,8 @@ def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
 
 
 def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
-    """Steps stay near those of the estimate: far too weak to matter except where next to nothing was measured in a frame."""
+    """Steps stay near those of the estimate: far too weak to matter except where next to nothing was measured in a
+    frame."""
     for of_pass in problem.passes():
         for before, after in pairwise(of_pass.tolist()):
             step = at.poses[after, :3, 3] - at.poses[before, :3, 3]

@@ -17,18 +17,20 @@ SIDES: Span = ((0, 1), (1, 2))
 
 
 def flat(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
-    """Four points, in order around, lie in a plane: the least distance between the two diagonals' lines is 0 +- `sigma_m`."""
+    """Four points, in order around, lie in a plane: the least distance between the two diagonals' lines is 0 +-
+    `sigma_m`."""
     return _factor(corners, sigma_m, _gap, _gap_slopes, 1)
 
 
 def rectangle(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
-    """Four points, in order around, are a rectangle of any size: opposite sides alike (3 equations), the diagonals as long as
-    one another."""
+    """Four points, in order around, are a rectangle of any size: opposite sides alike (3 equations), the diagonals as
+    long as one another."""
     return _with_equal_spans(corners, sigma_m, [DIAGONALS])
 
 
 def square(corners: Sequence[int], sigma_m: float) -> gtsam.CustomFactor:
-    """Four points, in order around, are a square of any size: a rectangle, and two neighbouring sides alike (5 equations)."""
+    """Four points, in order around, are a square of any size: a rectangle, and two neighbouring sides alike (5
+    equations)."""
     return _with_equal_spans(corners, sigma_m, [DIAGONALS, SIDES])
 
 
@@ -68,8 +70,8 @@ def _normal(points: Floats) -> Floats:
 
 
 def _gap_slopes(points: Floats) -> Floats:
-    """Derivatives (1, 4, 3) of the gap by the corners. It is a least distance, so that only the two points nearest to one
-    another count, each moved by the ends of its diagonal."""
+    """Derivatives (1, 4, 3) of the gap by the corners. It is a least distance, so that only the two points nearest to
+    one another count, each moved by the ends of its diagonal."""
     normal = _normal(points)
     first, second = points[2] - points[0], points[3] - points[1]
     start = points[1] - points[0]

@@ -1,4 +1,5 @@
-"""Where frames are missing: a video that was cut, or that dropped frames, makes the pictures contradict what is known of the row."""
+"""Where frames are missing: a video that was cut, or that dropped frames, makes the pictures contradict what is known
+of the row."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ from savmap.types import Floats, FrameTable, Track
 
 JUMP, LEAST_SHARED, LEAST_STEPS = 3.0, 3, 6
 FEWER = 6.0
-"""By how many times a smaller share than usual is seen on both sides of a gap: detectors miss single lines in single frames."""
+"""By how many times a smaller share than usual is seen on both sides of a gap: detectors miss single lines in single
+frames."""
 Place = tuple[int | str, int | str]
 """A view and a landmark that was seen in it."""
 Sightings = Mapping[Place, Floats]
@@ -20,8 +22,8 @@ Sightings = Mapping[Place, Floats]
 
 @dataclass(frozen=True)
 class Step:
-    """From one frame to the next that measured anything: seconds between them, the share `shared` of the landmarks of the poorer frame that both saw, and
-    the median of how far these moved, px (nan where they are few)."""
+    """From one frame to the next that measured anything: seconds between them, the share `shared` of the landmarks of
+    the poorer frame that both saw, and the median of how far these moved, px (nan where they are few)."""
 
     before: int
     after: int
@@ -31,8 +33,8 @@ class Step:
 
 
 def where_frames_are_missing(problem: Problem) -> str:
-    """A sentence about the largest gap in a pass, by time, by how far things moved, or because nothing was seen both before and after it;
-    empty where there is none."""
+    """A sentence about the largest gap in a pass, by time, by how far things moved, or because nothing was seen both
+    before and after it; empty where there is none."""
     frames, measurements = problem.camera.facts.frames, problem.measurements
     seen: dict[int, dict[Place, Floats]] = {frame: {} for frame in problem.used.tolist()}
     places = zip(measurements.view.tolist(), measurements.keys.tolist(), strict=True)

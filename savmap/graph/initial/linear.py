@@ -1,9 +1,9 @@
 """A start that needs no guess: with attitudes known, every pixel is a linear equation in camera position and point.
 
-On the face plane it reads (x - t_x) d_z + t_z d_x = 0 for a ray d; in general, forms @ (X - t) / depth = 0, whitened in pixels
-(see `LinearForms`), with the depth of the last round. Points with an equal coordinate share one unknown. The equations are
-homogeneous: position and scale are set roughly here, by the start's mean, and by the references afterwards
-(`initial.observability.fit`).
+On the face plane it reads (x - t_x) d_z + t_z d_x = 0 for a ray d; in general, forms @ (X - t) / depth = 0, whitened in
+pixels (see `LinearForms`), with the depth of the last round. Points with an equal coordinate share one unknown. The
+equations are homogeneous: position and scale are set roughly here, by the start's mean, and by the references
+afterwards (`initial.observability.fit`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -30,7 +30,8 @@ Equation = tuple[list[tuple[int, float]], float]
 
 @dataclass(frozen=True)
 class Layout:
-    """Where unknowns stand: slot (m, 3) of each point's coordinate, or -1 where it is set to fixed (m, 3); cameras come first."""
+    """Where unknowns stand: slot (m, 3) of each point's coordinate, or -1 where it is set to fixed (m, 3); cameras come
+    first."""
 
     slot: Ints
     fixed: Floats
@@ -55,7 +56,8 @@ def layout(problem: Problem) -> Layout:
 
 
 def equal_coordinates(problem: Problem, axis: int) -> tuple[Ints, dict[int, float]]:
-    """For each point the smallest index of those with an equal coordinate along an axis, and the values of fixed groups."""
+    """For each point the smallest index of those with an equal coordinate along an axis, and the values of fixed
+    groups."""
     group = list(range(len(problem.keys)))
 
     def root(index: int) -> int:
@@ -74,8 +76,9 @@ def equal_coordinates(problem: Problem, axis: int) -> tuple[Ints, dict[int, floa
 
 
 def linear_positions(problem: Problem, poses: Floats, initial: Floats) -> tuple[Floats, Floats]:
-    """Camera positions (f, 3) and points (m, 3) up to scale and shift, from attitudes in poses (f, 4, 4); rough positions in both
-    arguments only set the scale and hold what was not measured. Robust: every round weighs the measurements anew."""
+    """Camera positions (f, 3) and points (m, 3) up to scale and shift, from attitudes in poses (f, 4, 4); rough
+    positions in both arguments only set the scale and hold what was not measured. Robust: every round weighs the
+    measurements anew."""
     plan = layout(problem)
     forms_in_world = problem.linear_forms.rotated(poses[problem.at_frame, :3, :3])
     priors = _matrix(_soft(problem, plan, poses, initial), plan.size)
@@ -147,8 +150,8 @@ def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Ite
 def _anchors(problem: Problem, plan: Layout, poses: Floats, factors: Floats) -> Iterator[csc_matrix]:
     """Position and scale, where cameras are sought: the mean place of some is the start's.
 
-    Each camera counts by how firmly its measurements, with their `factors` (n,), hold it, and at most as much as most do. One that few hold would
-    fly off, and the others shrink to a point for it, where all equations are met."""
+    Each camera counts by how firmly its measurements, with their `factors` (n,), hold it, and at most as much as most
+    do. One that few hold would fly off, and the others shrink to a point for it, where all equations are met."""
     if not plan.cameras:
         return
     anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))

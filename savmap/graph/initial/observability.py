@@ -1,7 +1,9 @@
-"""Whether the references make the map's scale and place observable: checked before the solve, from the references alone.
+"""Whether the references make the map's scale and place observable: checked before the solve, from the references
+alone.
 
-The pictures of a scene are the same as those of the scaled and shifted scene X -> s X + t (the structure holds the attitudes).
-Every reference is one linear equation in (s, t). The covariance of s and t says what is known, the residuals whether references agree.
+The pictures of a scene are the same as those of the scaled and shifted scene X -> s X + t (the structure holds the
+attitudes). Every reference is one linear equation in (s, t). The covariance of s and t says what is known, the
+residuals whether references agree.
 """
 
 from collections.abc import Iterator
@@ -44,8 +46,8 @@ IDENTITY = Similarity(1.0, np.zeros(3), np.zeros((4, 4)))
 
 
 def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float = 0.0) -> Similarity:
-    """The similarity that best fits all references to a scene: camera positions (f, 3), points (m, 3), which has an error of
-    `scene_sigma_m` at each reference itself."""
+    """The similarity that best fits all references to a scene: camera positions (f, 3), points (m, 3), which has an
+    error of `scene_sigma_m` at each reference itself."""
     rows = np.array(list(_equations(problem, cameras, points))).reshape(-1, 6)
     return _fitted(rows, np.hypot(rows[:, 5], scene_sigma_m))
 
@@ -53,8 +55,8 @@ def fit(problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float 
 def robust_fit(
     problem: Problem, cameras: Floats, points: Floats, scene_sigma_m: float
 ) -> tuple[Similarity, dict[str, float]]:
-    """The same by the sum of absolute errors, which a minority of wrong references does not spoil; and, by name, by how much each reference
-    is off then, m. With fixed poses the scene stays as it is."""
+    """The same by the sum of absolute errors, which a minority of wrong references does not spoil; and, by name, by how
+    much each reference is off then, m. With fixed poses the scene stays as it is."""
     rows = np.array(list(_equations(problem, cameras, points))).reshape(-1, 6)
     sigmas = np.hypot(rows[:, 5], scene_sigma_m)
     similarity = IDENTITY if problem.camera.fixed is not None else _fitted(rows, sigmas)
@@ -109,8 +111,8 @@ def require_known(problem: Problem, scale_sigma: float) -> None:
 
 
 def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem:
-    """The problem with what its references leave open of scale and place taken from a scene: camera positions (f, 3) and
-    points (m, 3) as the start has them. It is itself where nothing is open."""
+    """The problem with what its references leave open of scale and place taken from a scene: camera positions (f, 3)
+    and points (m, 3) as the start has them. It is itself where nothing is open."""
     similarity = fit(problem, cameras, points)
     if not _scale_sigma(similarity) < SCALE_LIMIT:
         problem = _with_assumed(problem, _longest_span(problem, points), "scale")

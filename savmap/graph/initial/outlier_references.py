@@ -1,8 +1,9 @@
-"""References whose landmark may have been taken for another: those that all others refute are left out for a first solve.
+"""References whose landmark may have been taken for another: those that all others refute are left out for a first
+solve.
 
-The user's figure is right, but the edge that it was measured to was not seen, and the next one was taken for it. The linear
-start does not use references, and they are linear in its scale and shift (see `observability`): Baarda's data snooping on
-these few equations finds the one that does not belong.
+The user's figure is right, but the edge that it was measured to was not seen, and the next one was taken for it. The
+linear start does not use references, and they are linear in its scale and shift (see `observability`): Baarda's data
+snooping on these few equations finds the one that does not belong.
 """
 
 from collections.abc import Iterator, Mapping
@@ -30,8 +31,8 @@ OutlierReference = tuple[Relation, float]
 def without_outliers(problem: Problem, cameras: Floats, points: Floats) -> tuple[Problem, tuple[OutlierReference, ...]]:
     """The problem without the references that the others refute, and these.
 
-    cameras (f, 3), points (m, 3): the scene up to scale and shift (as it is, with fixed poses). Only a minority of those with a
-    `note_if_outlier` is left out.
+    cameras (f, 3), points (m, 3): the scene up to scale and shift (as it is, with fixed poses). Only a minority of
+    those with a `note_if_outlier` is left out.
     """
     candidates = sum(bool(relation.note_if_outlier) for relation in problem.relations)
     left, out = problem, list[OutlierReference]()
@@ -55,7 +56,8 @@ def not_seen(relation: Relation, otherwise: float, place: tuple[float, float, fl
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:
-    """The error for references that cannot all be right, with which ones contradict, where frames are missing, and what to do."""
+    """The error for references that cannot all be right, with which ones contradict, where frames are missing, and what
+    to do."""
     gap = where_frames_are_missing(problem)
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
@@ -65,8 +67,9 @@ def contradiction(problem: Problem, what: str) -> SolveError:
 
 
 def consistent_alternatives(problem: Problem, cameras: Floats, points: Floats) -> list[tuple[Problem, tuple[str, ...]]]:
-    """The problem with one set of every plugin's alternatives, best first, and the description of each set: those that agree
-    with the linear start, cameras (f, 3) and points (m, 3) up to scale and shift, about as well as the best one does."""
+    """The problem with one set of every plugin's alternatives, best first, and the description of each set: those that
+    agree with the linear start, cameras (f, 3) and points (m, 3) up to scale and shift, about as well as the best one
+    does."""
     chosen: list[tuple[Problem, tuple[str, ...]]] = [(problem, ())]
     for part in (part for part in problem.parts if part.alternatives):
         sets = _distinct(part.alternatives)
@@ -96,13 +99,14 @@ def _misfit(problem: Problem, cameras: Floats, points: Floats) -> float:
 
 
 def is_gross(value: float, otherwise: float) -> bool:
-    """Whether a reference is off by so much that another object was measured or taken for it, or a wrong figure typed: an
-    edge's setback or a mask's bias is smaller."""
+    """Whether a reference is off by so much that another object was measured or taken for it, or a wrong figure typed:
+    an edge's setback or a mask's bias is smaller."""
     return abs(otherwise - value) > max(GROSS_M, GROSS_PART * abs(value))
 
 
 def _refuted(problem: Problem, cameras: Floats, points: Floats) -> OutlierReference | None:
-    """The reference with a `note_if_outlier` that fits worst, grossly and worse than any without, with what the others say."""
+    """The reference with a `note_if_outlier` that fits worst, grossly and worse than any without, with what the others
+    say."""
     worst: tuple[float, OutlierReference] | None = None
     for relation, deviation, otherwise in _deviations(problem, cameras, points):
         if deviation > REFUTED_SIGMA and (worst is None or deviation > worst[0]):

@@ -23,8 +23,8 @@ def published_start(
 ) -> Trajectory:
     """All frames of a row: constant speed over length_m along x (n L / N), constant height and distance.
 
-    attitudes (n, 3, 3) world_from_rig; nan where not known: then interpolated. A pass whose direction of travel is not known
-    is taken to go towards +x. Raises StructureError if no attitude is known.
+    attitudes (n, 3, 3) world_from_rig; nan where not known: then interpolated. A pass whose direction of travel is not
+    known is taken to go towards +x. Raises StructureError if no attitude is known.
     """
     count = len(facts.frames)
     poses = np.tile(np.eye(4), (count, 1, 1))
@@ -51,8 +51,8 @@ def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the solve starts: the problem as `given` and without references that are `refuted` roughly, which alternatives were
-    chosen where only a part of a row was found, the estimate."""
+    """Where the solve starts: the problem as `given` and without references that are `refuted` roughly, which
+    alternatives were chosen where only a part of a row was found, the estimate."""
 
     given: Problem
     problem: Problem
@@ -81,8 +81,8 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Given poses (f, 4, 4) and points (m, 3), and the linear start's camera positions (f, 3) and points' `positions` (m, 3),
-    up to scale and shift."""
+    """Given poses (f, 4, 4) and points (m, 3), and the linear start's camera positions (f, 3) and points' `positions`
+    (m, 3), up to scale and shift."""
 
     poses: Floats
     points: Floats

@@ -1,8 +1,9 @@
 """Rows seen on one drive, solved jointly: the references of one row serve the others, for they share one camera path.
 
-Every row is solved alone first, which rejects outliers. Then one graph holds all rows, each in its own frame of coordinates
-with the measurements that it kept, and the poses of shared frames agree (see `shared_frames`). A row's covariance is its part
-of the joint one. Where the rows contradict one another in this graph, each keeps the solution that it has alone.
+Every row is solved alone first, which rejects outliers. Then one graph holds all rows, each in its own frame of
+coordinates with the measurements that it kept, and the poses of shared frames agree (see `shared_frames`). A row's
+covariance is its part of the joint one. Where the rows contradict one another in this graph, each keeps the solution
+that it has alone.
 """
 
 from collections.abc import Callable, Collection, Hashable, Sequence
@@ -49,9 +50,9 @@ def solve_rows(
 ) -> list[Solution | SolveError]:
     """Solutions of rows, joint where they share frames: moments[r][f] identifies the picture that is frame f of row r.
 
-    `site_wide`: plugins whose structures, as markers, are seen from all rows, so that several rows may measure the same one. A
-    row that cannot be solved alone comes back as its error, and the others are solved without it; rows that contradict one
-    another are solved alone, with a note.
+    `site_wide`: plugins whose structures, as markers, are seen from all rows, so that several rows may measure the same
+    one. A row that cannot be solved alone comes back as its error, and the others are solved without it; rows that
+    contradict one another are solved alone, with a note.
     """
     alone: list[Iterate | SolveError] = [_attempt(converged, problem, options) for problem in problems]
     iterates = {row: result for row, result in enumerate(alone) if isinstance(result, Iterate)}
@@ -66,7 +67,8 @@ def solve_rows(
 def _beside_refused(
     row: int, results: Sequence[Solution | SolveError], problems: Sequence[Problem], moments: Moments
 ) -> Solution | SolveError:
-    """A row's result; with a doubt where another row of the same drive is refused, for what was given for both may be what is wrong."""
+    """A row's result; with a doubt where another row of the same drive is refused, for what was given for both may be
+    what is wrong."""
     result = results[row]
     if isinstance(result, SolveError):
         return result
@@ -102,8 +104,8 @@ def _name(iterate: Iterate) -> str:
 
 
 def _with_checks(result: Solution | SolveError, iterate: Iterate) -> Solution | SolveError:
-    """A row's solution with how its landmarks repeat in either half of the frames, and what is wrong with its panoramas, at the optimum that the row
-    has alone."""
+    """A row's solution with how its landmarks repeat in either half of the frames, and what is wrong with its
+    panoramas, at the optimum that the row has alone."""
     if isinstance(result, SolveError):
         return result
     halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)

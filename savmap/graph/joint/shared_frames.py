@@ -1,7 +1,7 @@
 """Frames that several rows share, and the factors that make their poses agree.
 
-Faces across an aisle are parallel only roughly, so each row keeps its frame of coordinates: world_from_rig of a frame in row a is
-that in row b moved by one unknown rigid transform, a_from_b.
+Faces across an aisle are parallel only roughly, so each row keeps its frame of coordinates: world_from_rig of a frame
+in row a is that in row b moved by one unknown rigid transform, a_from_b.
 """
 
 from collections.abc import Hashable, Sequence
@@ -31,8 +31,8 @@ class SharedFrames:
 
 
 def shared_frames(frames: Sequence[Ints], moments: Sequence[Sequence[Hashable]]) -> list[SharedFrames]:
-    """Shared frames of pairs of rows whose `frames` were located; moments[r][f] identifies the picture that is frame f of row r.
-    Every shared picture binds each row to the first one that has it."""
+    """Shared frames of pairs of rows whose `frames` were located; moments[r][f] identifies the picture that is frame f
+    of row r. Every shared picture binds each row to the first one that has it."""
     first: dict[Hashable, tuple[int, int]] = {}
     pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for row, numbers in enumerate(frames):
@@ -61,7 +61,8 @@ def shared_frame_factors(shared: SharedFrames, a_from_b: gtsam.Pose3) -> list[gt
 
 
 def first_transform(poses_a: Floats, poses_b: Floats) -> gtsam.Pose3:
-    """a_from_b between poses (k, 4, 4) of the same frames: the mean rotation, and the shift between the mean positions."""
+    """a_from_b between poses (k, 4, 4) of the same frames: the mean rotation, and the shift between the mean
+    positions."""
     turn = Rotation.from_matrix(poses_a[:, :3, :3] @ np.swapaxes(poses_b[:, :3, :3], 1, 2)).mean().as_matrix()
     shift = (poses_a[:, :3, 3] - poses_b[:, :3, 3] @ turn.T).mean(axis=0)
     return gtsam.Pose3(gtsam.Rot3(turn), shift)

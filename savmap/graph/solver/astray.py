@@ -1,7 +1,8 @@
-"""Frames that were solved far from those before and after them: too little was seen in them, and a camera does not leap.
+"""Frames that were solved far from those before and after them: too little was seen in them, and a camera does not
+leap.
 
-Such a frame fits its own few measurements wherever it is, so that no residual shows it; but it bends what others see there, and pictures
-laid on a plane from such a place cover it.
+Such a frame fits its own few measurements wherever it is, so that no residual shows it; but it bends what others see
+there, and pictures laid on a plane from such a place cover it.
 """
 
 from dataclasses import replace
@@ -16,10 +17,11 @@ ALONE = 2
 
 
 def frames_astray(problem: Problem, poses: Floats, points: Floats) -> Ints:
-    """Numbers (k,) of the frames whose pose (f, 4, 4) is a leap away from both neighbours' in their pass, one or two in a row.
+    """Numbers (k,) of the frames whose pose (f, 4, 4) is a leap away from both neighbours' in their pass, one or two in
+    a row.
 
-    A leap is farther than the landmarks, at `points` (m, 3), usually are, and `LEAP` times what three quarters of the steps between frames
-    stay below, for the time between them.
+    A leap is farther than the landmarks, at `points` (m, 3), usually are, and `LEAP` times what three quarters of the
+    steps between frames stay below, for the time between them.
     """
     if problem.camera.fixed is not None:
         return np.zeros(0, np.int64)
@@ -30,8 +32,8 @@ def frames_astray(problem: Problem, poses: Floats, points: Floats) -> Ints:
 
 
 def without_frames(problem: Problem, frames: Ints) -> Problem:
-    """The problem without what was measured in some frames; itself where a landmark was measured in these alone, or a plugin's factor
-    binds one of them."""
+    """The problem without what was measured in some frames; itself where a landmark was measured in these alone, or a
+    plugin's factor binds one of them."""
     kept = ~np.isin(problem.measurements.frames, frames)
     if (
         set(problem.measurements.keys[kept]) != set(problem.measurements.keys)

@@ -1,9 +1,11 @@
-"""What measurements are off by in one direction of the camera, the same in all frames: pictures that are no perfect panorama.
+"""What measurements are off by in one direction of the camera, the same in all frames: pictures that are no perfect
+panorama.
 
-A lens program that bends the pictures at their seam, or a cropped panorama, moves what is seen in a direction by the same angle in every frame. Poses
-and structures absorb most of that, so that residuals stay small, and references agree; what is left of it is smooth over the sphere and does not
-average out. It is fitted as a field of small turns: Fourier terms of the longitude times powers of the latitude, for either component. Errors of
-measuring alone leave next to none, for a structure is seen in other directions from frame to frame.
+A lens program that bends the pictures at their seam, or a cropped panorama, moves what is seen in a direction by the
+same angle in every frame. Poses and structures absorb most of that, so that residuals stay small, and references agree;
+what is left of it is smooth over the sphere and does not average out. It is fitted as a field of small turns: Fourier
+terms of the longitude times powers of the latitude, for either component. Errors of measuring alone leave next to none,
+for a structure is seen in other directions from frame to frame.
 """
 
 from collections.abc import Iterator
@@ -27,15 +29,16 @@ FAR_SIGMA = 3.0
 
 @dataclass(frozen=True)
 class DirectionalErrors:
-    """By how much directions are off: the field's `angle_deg` (rms where something was measured), and the `share` of the squared errors
-    that it explains."""
+    """By how much directions are off: the field's `angle_deg` (rms where something was measured), and the `share` of
+    the squared errors that it explains."""
 
     angle_deg: float
     share: float
 
 
 def directional_errors(problem: Problem, estimate: Estimate, fit: Fit) -> dict[str, DirectionalErrors]:
-    """By plugin, the directional errors of what it measured and the solve kept. Plugins of which too little was measured have none."""
+    """By plugin, the directional errors of what it measured and the solve kept. Plugins of which too little was
+    measured have none."""
     errors = problem.residuals(estimate.poses, estimate.points)
     kept = {part.plugin: fit.kept & np.isin(problem.measurements.keys, [*part.keys.values()]) for part in problem.parts}
     return {plugin: _field_of(problem, errors, chosen) for plugin, chosen in kept.items() if chosen.sum() >= FEWEST}
@@ -57,8 +60,8 @@ def _field_of(problem: Problem, errors: Floats, chosen: Bools) -> DirectionalErr
 
 
 def _terms(problem: Problem, chosen: Bools) -> tuple[Floats, Floats]:
-    """The field's terms (n, t) in the directions of the chosen measurements, and how their whitened errors change (n, 2, 2) as these turn eastwards and
-    upwards, a radian."""
+    """The field's terms (n, t) in the directions of the chosen measurements, and how their whitened errors change (n,
+    2, 2) as these turn eastwards and upwards, a radian."""
     measurements, forms = problem.measurements.take(chosen), problem.linear_forms
     rays = Lenses.of(measurements).rays(measurements.pixels)
     longitude, latitude = np.arctan2(rays[:, 0], rays[:, 2]), np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))

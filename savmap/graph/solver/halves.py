@@ -1,7 +1,7 @@
 """Repeatability: the landmarks by either half of the frames alone, every other one, of every view.
 
-The halves share references, first attitudes and the choice of measurements, but no picture: where they differ by more than their
-uncertainty, measurements of one thing were taken for another's, or the uncertainty is wrong.
+The halves share references, first attitudes and the choice of measurements, but no picture: where they differ by more
+than their uncertainty, measurements of one thing were taken for another's, or the uncertainty is wrong.
 """
 
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ class HalfDifference:
 def half_differences(
     problem: Problem, estimate: Estimate, kept: Bools, inflation: Floats, huber: Floats
 ) -> tuple[HalfDifference, ...]:
-    """Of the landmarks that were seen in `LEAST_SEEN` frames of either half; none where there are few frames or the camera's path is given.
+    """Of the landmarks that were seen in `LEAST_SEEN` frames of either half; none where there are few frames or the
+    camera's path is given.
 
-    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` (n,) times as large as given, with Huber's loss
-    `huber` (n,). Raises
-    SolveError where a half cannot be solved.
+    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` (n,) times as
+    large as given, with Huber's loss `huber` (n,). Raises SolveError where a half cannot be solved.
     """
     if problem.camera.fixed is not None or len(problem.used) < LEAST_FRAMES:
         return ()
@@ -48,8 +48,9 @@ def half_differences(
 
 
 def odd_frames(used: Ints, every: int) -> Bools:
-    """Which of the frames (f,) are of the one half: every other one of the view that is rendered from multiples of `every` only, with
-    the frames up to its next. A frame is in one half with all its views, or what one of them shows would have no pose there."""
+    """Which of the frames (f,) are of the one half: every other one of the view that is rendered from multiples of
+    `every` only, with the frames up to its next. A frame is in one half with all its views, or what one of them shows
+    would have no pose there."""
     _, number = np.unique(used // every, return_inverse=True)
     return np.asarray(number % 2 == 1)
 

@@ -12,8 +12,8 @@ ROUGH, FINE = 1e-4, 1e-6
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
-    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more than a
-    share of it, `change`."""
+    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more
+    than a share of it, `change`."""
 
     row: str
     ordering: gtsam.Ordering

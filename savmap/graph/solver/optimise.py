@@ -39,10 +39,12 @@ Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
 SOFT_ROUNDS = 3
-"""Rounds with soft references: what fits hardly changes after them, and the rounds with the given ones begin with it."""
+"""Rounds with soft references: what fits hardly changes after them, and the rounds with the given ones begin with
+it."""
 OUTLIER_COST, CLEARLY = 12.5, 12.5
 LARGE = 2.0
-"""Times as far off as they should be: residuals of fewer are of good measurements with errors that persist, for which another reference is the remedy."""
+"""Times as far off as they should be: residuals of fewer are of good measurements with errors that persist, for which
+another reference is the remedy."""
 FAR_OFF_M = 0.25
 """A reference that is so far off a first fit to all would bend the path by which other structures are looked for."""
 
@@ -50,8 +52,9 @@ FAR_OFF_M = 0.25
 @dataclass(frozen=True)
 class SolveOptions:
     """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
-    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of Levenberg-Marquardt a round.
-    `judge`: references that all else contradicts are found first; `judge_far`: where some are far off a first fit to all."""
+    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of
+    Levenberg-Marquardt a round. `judge`: references that all else contradicts are found first; `judge_far`: where some
+    are far off a first fit to all."""
 
     start: Literal["linear", "published"] = "linear"
     loss: Literal["huber", "none"] = "huber"
@@ -68,9 +71,9 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit, and how
-    errors persist; `notes` for the user and `doubts` from before it, references that something else than
-    their landmark was seen for, and the residuals' scale of the first round."""
+    """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit,
+    and how errors persist; `notes` for the user and `doubts` from before it, references that something else than their
+    landmark was seen for, and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
@@ -88,7 +91,8 @@ class Iterate:
 
     @property
     def huber(self) -> Floats:
-        """Where (n,) Huber's loss of them turns from squares: persisting errors are not the more often outliers for that."""
+        """Where (n,) Huber's loss of them turns from squares: persisting errors are not the more often outliers for
+        that."""
         return np.asarray(HUBER / np.sqrt(self.persistence.solved))
 
     def doubted(self, doubt: Doubt) -> "Iterate":
@@ -117,8 +121,8 @@ def solve(problem: Problem, options: SolveOptions | None = None) -> Solution:
 
 @dataclass(frozen=True, eq=False)
 class LocatedCamera:
-    """A first path of the camera, what of its scale and place was assumed for want of references (see `Problem`), and the first
-    positions (3,) of every plugin's landmarks, by plugin and name."""
+    """A first path of the camera, what of its scale and place was assumed for want of references (see `Problem`), and
+    the first positions (3,) of every plugin's landmarks, by plugin and name."""
 
     path: Trajectory
     assumed: tuple[str, ...] = ()
@@ -126,9 +130,9 @@ class LocatedCamera:
 
 
 def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
-    """The camera's path by one round, good enough to track other structures, whichever of its references is wrong. With `sigmas` its standard
-    deviations come with it. Raises SolveError if the graph cannot be solved or, unless the problem is `partial`, if scale or
-    place are not observable."""
+    """The camera's path by one round, good enough to track other structures, whichever of its references is wrong. With
+    `sigmas` its standard deviations come with it. Raises SolveError if the graph cannot be solved or, unless the
+    problem is `partial`, if scale or place are not observable."""
     options = SolveOptions(rounds=1, judge=False, judge_far=True)
     try:
         iterate = converged(problem, options)
@@ -152,7 +156,8 @@ def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Float
 
 
 def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
-    """The optimum, from the measurements that fit it; without the frames that are astray. Raises SolveError as `solve` does."""
+    """The optimum, from the measurements that fit it; without the frames that are astray. Raises SolveError as `solve`
+    does."""
     chosen = options or SolveOptions()
     iterate = _converged(problem, chosen)
     astray = frames_astray(iterate.problem, iterate.estimate.poses, iterate.estimate.points)
@@ -179,8 +184,8 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
 
 
 def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
-    """The problem without wrong references, where to start with it, and the optimum with soft references, where there are any. Raises
-    SolveError where it is not clear which one is wrong."""
+    """The problem without wrong references, where to start with it, and the optimum with soft references, where there
+    are any. Raises SolveError where it is not clear which one is wrong."""
     given, estimate = begin.given, begin.estimate
     roughly = Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
     if not options.judge and not options.judge_far:
@@ -204,8 +209,8 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
-    """The solution at an optimum, with its covariances or the `joint` ones of several rows. Raises SolveError if references
-    contradict one another grossly."""
+    """The solution at an optimum, with its covariances or the `joint` ones of several rows. Raises SolveError if
+    references contradict one another grossly."""
     if joint is None:
         tested = _covariance(iterate, None, tested_keys(iterate.problem))
         joint = Covariances(tested, _covariance(iterate.reported, None))
@@ -233,8 +238,8 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
 
 
 def _misfit(iterate: Iterate) -> str:
-    """How far pixels are off, where that is what hides the scale: were they measured as well as they say, the references would give it. Empty
-    where the references themselves do not."""
+    """How far pixels are off, where that is what hides the scale: were they measured as well as they say, the
+    references would give it. Empty where the references themselves do not."""
     problem, fit = iterate.problem, iterate.fit
     if not fit.kept.any() or fit.scale < LARGE:
         return ""
@@ -251,8 +256,8 @@ def _misfit(iterate: Iterate) -> str:
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
-    """The start that leads to the best fit of pictures and references together. Raises SolveError where that is not clear, unless
-    the problem is partial."""
+    """The start that leads to the best fit of pictures and references together. Raises SolveError where that is not
+    clear, unless the problem is partial."""
     if len(begins) == 1:
         return begins[0]
     firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]
@@ -282,7 +287,8 @@ def _by_class(measurements: ImageMeasurements, inflation: Floats) -> dict[str, f
 
 
 def _cost(iterate: Iterate, inflation: Floats) -> float:
-    """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's loss."""
+    """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's
+    loss."""
     measurements = iterate.problem.measurements.inflated(inflation)
     graph = whole_graph(iterate.problem, iterate.estimate, measurements, HUBER)
     return float(graph.error(values_of(iterate.problem, iterate.estimate)))
@@ -295,8 +301,9 @@ def _rounds(
     begun: Iterate | None = None,
     bias: Floats | None = None,
 ) -> Iterator[Iterate]:
-    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for biases. With what is
-    `begun` with other references, the measurements that fitted there come first. `bias` (k,): where the biases begin."""
+    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for
+    biases. With what is `begun` with other references, the measurements that fitted there come first. `bias` (k,):
+    where the biases begin."""
     huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Mask = np.ones(len(problem.measurements), dtype=bool)
     bias = _initial_biases(problem, options) if bias is None else bias
@@ -329,13 +336,15 @@ def _rounds(
 
 
 def refined(problem: Problem, estimate: Estimate, options: SolveOptions, bias: Floats) -> Iterate:
-    """The optimum near an estimate and biases (k,), without a look at the references. Raises SolveError if the graph cannot be solved."""
+    """The optimum near an estimate and biases (k,), without a look at the references. Raises SolveError if the graph
+    cannot be solved."""
     *_, last = _rounds(problem, estimate, options, bias=bias)
     return last
 
 
 def estimated_biases(iterate: Iterate) -> tuple[Floats, Floats]:
-    """The biases (k,) at an optimum, the camera's calibration last, with the step that is left to it; and their covariance (k, k)."""
+    """The biases (k,) at an optimum, the camera's calibration last, with the step that is left to it; and their
+    covariance (k, k)."""
     joint = _covariance(iterate, iterate.huber, ())
     return iterate.bias + joint.step, joint.shared
 
@@ -350,7 +359,8 @@ def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
 
 
 def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
-    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that begin elsewhere, unless a single round leaves all where they are."""
+    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that begin elsewhere, unless a
+    single round leaves all where they are."""
     biases, term = np.zeros(len(problem.measurements.biases.prior)), problem.camera.calibration
     if term is not None and term.names and options.rounds > 1:
         biases[-len(term.names) :] = term.initial
@@ -377,8 +387,8 @@ def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
 
 
 def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
-    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, by which pixels move with `slopes` (n, 2, s), weighted as Huber's
-    loss weighs those."""
+    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, by which pixels move with `slopes` (n, 2, s),
+    weighted as Huber's loss weighs those."""
     whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))

@@ -1,7 +1,9 @@
-"""What is wrong with a row's panoramas: they were cropped above and below and stretched to 2:1 again, or bent at their seam by lenses that stand apart.
+"""What is wrong with a row's panoramas: they were cropped above and below and stretched to 2:1 again, or bent at their
+seam by lenses that stand apart.
 
-Poses and structures absorb most of it, so that residuals stay small. The row is solved twice more with unknowns of the camera, which says how large they are, and how well
-they are known: with the lens distance and a vertical scale, then with the vertical scale alone, which is known best so.
+Poses and structures absorb most of it, so that residuals stay small. The row is solved twice more with unknowns of the
+camera, which says how large they are, and how well they are known: with the lens distance and a vertical scale, then
+with the vertical scale alone, which is known best so.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,8 +37,8 @@ class PanoramaErrors:
 
 
 def panorama_errors(iterate: Iterate) -> PanoramaErrors:
-    """What is wrong with a row's panoramas, from solves that begin at the row's optimum. Nothing is told where the camera's path is given, and what
-    cannot be solved is not told."""
+    """What is wrong with a row's panoramas, from solves that begin at the row's optimum. Nothing is told where the
+    camera's path is given, and what cannot be solved is not told."""
     if iterate.problem.camera.fixed is not None:
         return PanoramaErrors()
     own = iterate.problem.camera.calibration or Calibration()
@@ -68,8 +70,9 @@ def _lens_distance(iterate: Iterate, own: Calibration) -> LensDistanceError:
 
 
 def _estimated(iterate: Iterate, own: Calibration, term: Calibration, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """The named parameters (k,) of the calibration `term`, and their covariance (k, k). It takes the place of the row's `own` calibration, for which the measurements
-    are corrected already: the parameters of both begin at 0. Raises SolveError."""
+    """The named parameters (k,) of the calibration `term`, and their covariance (k, k). It takes the place of the row's
+    `own` calibration, for which the measurements are corrected already: the parameters of both begin at 0. Raises
+    SolveError."""
     problem = iterate.problem
     camera = replace(problem.camera, calibration=term)
     measurements = term.with_parameters(own.without_parameters(problem.measurements))

@@ -1,7 +1,7 @@
 """Redundancy: how much of each class's residuals the unknowns have absorbed.
 
-A class that few measurements belong to but that places the camera, such as edges along which it moves, loses more of its errors to the
-camera's poses than one of many measurements. Residuals are that much smaller than errors.
+A class that few measurements belong to but that places the camera, such as edges along which it moves, loses more of
+its errors to the camera's poses than one of many measurements. Residuals are that much smaller than errors.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ LOOSE = np.array([5.0, 5.0, 5.0, 0.1, 0.1, 0.1])
 
 
 def left_of(problem: Problem, estimate: Estimate, kept: Bools, freedom: Floats) -> Floats:
-    """The part (c,) of the `freedom` (c,) of the kept (n,) measurements of each class that is left of their errors' squares: 1 where
-    the unknowns are held, 0.1 at the least."""
+    """The part (c,) of the `freedom` (c,) of the kept (n,) measurements of each class that is left of their errors'
+    squares: 1 where the unknowns are held, 0.1 at the least."""
     count = len(freedom)
     classes = problem.measurements.classes[kept]
     points = np.unique(np.stack([classes, problem.at_key[kept]]), axis=1)[0]
@@ -27,7 +27,8 @@ def left_of(problem: Problem, estimate: Estimate, kept: Bools, freedom: Floats) 
 
 
 def _by_poses(problem: Problem, estimate: Estimate, kept: Bools, count: int) -> Floats:
-    """How many of the poses' unknowns, six a frame, each class (c,) determines: the traces of its parts of their information."""
+    """How many of the poses' unknowns, six a frame, each class (c,) determines: the traces of its parts of their
+    information."""
     at, classes = problem.at_frame[kept], problem.measurements.classes[kept]
     slopes = _slopes(problem, estimate)[kept]
     own = np.zeros((count, len(problem.used), 6, 6))

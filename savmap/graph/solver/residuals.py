@@ -1,4 +1,5 @@
-"""Residuals: their scale class by class, which measurements are outliers, and how errors persist from frame to frame."""
+"""Residuals: their scale class by class, which measurements are outliers, and how errors persist from frame to
+frame."""
 
 from dataclasses import dataclass
 
@@ -27,8 +28,9 @@ TURNS = 5
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Whitened errors (n, 2), which measurements are kept (n,), and the errors' scale: 1 if covariances were honest, over all, and
-    `scales` (n,) that of each measurement's class. `own` (n,): by how much more (>= 1) the measurements of the same point vary."""
+    """Whitened errors (n, 2), which measurements are kept (n,), and the errors' scale: 1 if covariances were honest,
+    over all, and `scales` (n,) that of each measurement's class. `own` (n,): by how much more (>= 1) the measurements
+    of the same point vary."""
 
     errors: Floats
     kept: Bools
@@ -38,8 +40,8 @@ class Fit:
 
 
 def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: float) -> Fit:
-    """Judge all measurements by the scale of the errors of their class among those `used` (n,): a robust scale first, then the mean
-    one (a variance component for each class, after Foerstner)."""
+    """Judge all measurements by the scale of the errors of their class among those `used` (n,): a robust scale first,
+    then the mean one (a variance component for each class, after Foerstner)."""
     if not len(problem.measurements):
         return Fit(np.zeros((0, 2)), used, 1.0, np.zeros(0), np.zeros(0))
     errors = problem.residuals(estimate.poses, estimate.points)
@@ -56,7 +58,8 @@ def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: floa
 
 
 def _robust(squared: Floats, classes: Ints, used: Bools) -> Floats:
-    """Scale (c,) of each class's errors by the median of those used; by their lower fifth where that says that most are outliers."""
+    """Scale (c,) of each class's errors by the median of those used; by their lower fifth where that says that most are
+    outliers."""
     median, lower = (
         np.sqrt(_quantiles(squared, classes, used, share) / usual)
         for share, usual in ((0.5, MEDIAN_CHI2), (LOWER, LOWER_CHI2))
@@ -73,14 +76,16 @@ def _quantiles(values: Floats, groups: Ints, used: Bools, share: float) -> Float
 
 
 def _own(problem: Problem, squared: Floats) -> Floats:
-    """How much (n,) larger the standard deviation of the measurements of each point, and of the points of its lines, is than their
-    class's, by normalised `squared` (n,) errors, rejected ones included: a point of which many do not fit may be another one."""
+    """How much (n,) larger the standard deviation of the measurements of each point, and of the points of its lines, is
+    than their class's, by normalised `squared` (n,) errors, rejected ones included: a point of which many do not fit
+    may be another one."""
     lines = (equal_coordinates(problem, axis)[0][problem.at_key] for axis in range(3))
     return np.asarray(np.maximum.reduce([_upper(group, squared) for group in (problem.at_key, *lines)]))
 
 
 def _upper(points: Ints, squared: Floats) -> Floats:
-    """The standard deviation (n,), at least 1, of measurements of the same group (n,), by where the upper fifth of their errors begins."""
+    """The standard deviation (n,), at least 1, of measurements of the same group (n,), by where the upper fifth of
+    their errors begins."""
     order = np.lexsort((squared, points))
     first, counts = np.unique(points[order], return_index=True, return_counts=True)[1:]
     at = first + np.minimum((UPPER * counts).astype(np.int64), counts - 1)
@@ -92,20 +97,20 @@ def _upper(points: Ints, squared: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Persistence:
-    """Factors (>= 1) by which errors that persist from frame to frame raise each measurement's variance: (n,) for the solve and its
-    tests, and (n,) for the standard deviations that are reported."""
+    """Factors (>= 1) by which errors that persist from frame to frame raise each measurement's variance: (n,) for the
+    solve and its tests, and (n,) for the standard deviations that are reported."""
 
     solved: Floats
     reported: Floats
 
 
 def persistence(problem: Problem, fit: Fit) -> Persistence:
-    """1 + 2 (w_1 r_1 + w_2 r_2 + ...), with r_k the errors' autocorrelations over k frames, class by class, summed until they vanish
-    (Geyer's initial sequence), and w_k = 1 - k / n.
+    """1 + 2 (w_1 r_1 + w_2 r_2 + ...), with r_k the errors' autocorrelations over k frames, class by class, summed
+    until they vanish (Geyer's initial sequence), and w_k = 1 - k / n.
 
     Residuals show too little correlation, for each point's position has absorbed the mean of its errors: n measurements
-    without their mean lose I / n in every r_k, I being the factor itself. The reported factor allows for that lag by lag, in
-    turns; the factor for tests, which must not hide a contradiction, does so for their sum alone.
+    without their mean lose I / n in every r_k, I being the factor itself. The reported factor allows for that lag by
+    lag, in turns; the factor for tests, which must not hide a contradiction, does so for their sum alone.
     """
     classes = problem.measurements.classes
     if not fit.kept.any():
@@ -130,8 +135,8 @@ def _factors(rates: Floats, count: float) -> tuple[float, float]:
 
 
 def _autocorrelations(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
-    """By class, the correlation (c, LAGS) of a point's errors in frames 1, 2, ... apart, and the usual number (c,) of measurements of
-    a point."""
+    """By class, the correlation (c, LAGS) of a point's errors in frames 1, 2, ... apart, and the usual number (c,) of
+    measurements of a point."""
     measurements = problem.measurements
     size, errors = len(measurements.class_names), fit.errors / fit.scales[:, None]
     order = np.lexsort((measurements.frames, measurements.view, measurements.keys))

@@ -35,8 +35,9 @@ MISFIT, NONSENSE = 5.0, 100.0
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, the numbers of used and of rejected measurements.
-    offsets (k,): the distance of each of these from the point, m; used ones first. Of a measurement on an edge it is the distance across that edge."""
+    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, the numbers of used and of rejected
+    measurements. offsets (k,): the distance of each of these from the point, m; used ones first. Of a measurement on an
+    edge it is the distance across that edge."""
 
     position: Floats
     covariance: Floats
@@ -69,14 +70,15 @@ class VerticalScaleError:
 
 
 LEAST_DEVIATION, LEAST_DISPLACEMENT_M = 4.5, 0.0025
-"""Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance does in one row of a thousand, and move the point of view of
-some ray by more than so much."""
+"""Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance
+does in one row of a thousand, and move the point of view of some ray by more than so much."""
 
 
 @dataclass(frozen=True)
 class LensDistanceError:
-    """The distance between the lenses that a row's panoramas show at their seam, and its standard deviation, m. `displacement_m`: the farthest that it moves the point of view
-    of a ray from the camera's middle. `deviation`: the Mahalanobis distance from 0 of its parts, one for each of `BENDS`; some may cancel in the sum."""
+    """The distance between the lenses that a row's panoramas show at their seam, and its standard deviation, m.
+    `displacement_m`: the farthest that it moves the point of view of a ray from the camera's middle. `deviation`: the
+    Mahalanobis distance from 0 of its parts, one for each of `BENDS`; some may cancel in the sum."""
 
     distance_m: float
     sigma_m: float
@@ -102,11 +104,12 @@ class LensDistanceError:
 class Solution:
     """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
 
-    `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the plugins'
-    variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks against it. `unchecked`: errors
-    of references that nothing would notice. `halves`: how the landmarks differ between odd and even frames. `directional`: by plugin, what is
-    off in the same directions of the camera in all frames. `vertical_scale`: by how much elevations are seen too large, and
-    `lens_distance`: how far apart the seam shows the lenses; None where no solve told it."""
+    `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the
+    plugins' variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks
+    against it. `unchecked`: errors of references that nothing would notice. `halves`: how the landmarks differ between
+    odd and even frames. `directional`: by plugin, what is off in the same directions of the camera in all frames.
+    `vertical_scale`: by how much elevations are seen too large, and `lens_distance`: how far apart the seam shows the
+    lenses; None where no solve told it."""
 
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
@@ -130,8 +133,8 @@ class Solution:
         return self.landmarks.get(plugin, {})
 
     def variable_covariance(self, key: int) -> Floats:
-        """Covariance (3, 3) of a plugin's variable, in GTSAM's tangent: of a Pose2 x, y in its own axes (m) and its turn
-        (rad)."""
+        """Covariance (3, 3) of a plugin's variable, in GTSAM's tangent: of a Pose2 x, y in its own axes (m) and its
+        turn (rad)."""
         return self.covariance.of([key])
 
     def joint(self, plugin: str, names: Sequence[str]) -> Floats:
@@ -156,9 +159,9 @@ def build_solution(
     figures: Mapping[str, float | str] | None = None,
     set_aside: Bools | None = None,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are `set_aside` (n,) are of
-    something else than their landmark, and do not count. Raises SolveError if references contradict one another grossly, or if they
-    leave the scale open."""
+    """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are
+    `set_aside` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
+    contradict one another grossly, or if they leave the scale open."""
     aside = np.zeros(len(fit.kept), np.bool_) if set_aside is None else set_aside
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
@@ -207,8 +210,8 @@ def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
 
 
 def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
-    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none of measuring,
-    however wide their sigmas are. Raises SolveError where they say nothing at all."""
+    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none
+    of measuring, however wide their sigmas are. Raises SolveError where they say nothing at all."""
     for number, name in enumerate(problem.measurements.class_names):
         of_class = (problem.measurements.classes == number) & ~aside
         rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
@@ -251,7 +254,8 @@ def _landmarks(
 
 
 def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
-    """The distance (n,) of each measurement from its landmark, m: that in pixels, taken to the landmark's distance from the camera."""
+    """The distance (n,) of each measurement from its landmark, m: that in pixels, taken to the landmark's distance from
+    the camera."""
     measurements = problem.measurements
     focal = np.array([spec.camera[0, 0] for spec in measurements.views])[measurements.view]
     away = np.linalg.norm(estimate.points[problem.at_key] - estimate.poses[problem.at_frame, :3, 3], axis=1)
@@ -259,14 +263,15 @@ def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
 
 
 def pixels_off(problem: Problem, fit: Fit) -> Floats:
-    """How far (n,) each measurement is off, px: the Mahalanobis norm of its error times its least standard deviation."""
+    """How far (n,) each measurement is off, px: the Mahalanobis norm of its error times its least standard
+    deviation."""
     least = np.sqrt(np.linalg.eigvalsh(problem.measurements.covariances)[:, 0])
     return np.asarray(np.linalg.norm(fit.errors, axis=1) * least)
 
 
 def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None) -> Trajectory:
-    """Solved frames, whose positions have standard deviations `sigma` (f, 3), and those between them: interpolated within a pass,
-    with a sigma that grows with the gap."""
+    """Solved frames, whose positions have standard deviations `sigma` (f, 3), and those between them: interpolated
+    within a pass, with a sigma that grows with the gap."""
     table = problem.camera.facts.frames
     frames, poses, sigmas = [], [], []
     for of_pass in problem.passes():
@@ -295,7 +300,8 @@ def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:
 
 
 def scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
-    """Relative standard deviation of the scale: that of the best known distance along the aisle from the row's origin."""
+    """Relative standard deviation of the scale: that of the best known distance along the aisle from the row's
+    origin."""
     slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
     order = [slots[int(key)] for key in problem.keys]
     sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))

@@ -1,7 +1,7 @@
 """What of two rows, once one lies in the other's frame, is as it was, moved, changed, new, missing or not seen.
 
-Each figure of a pair is tested against its own standard deviation with Student's t. Over all figures of all elements of both maps, the share of
-false ones among those that are told is kept under the level (Benjamini and Hochberg 1995).
+Each figure of a pair is tested against its own standard deviation with Student's t. Over all figures of all elements of
+both maps, the share of false ones among those that are told is kept under the level (Benjamini and Hochberg 1995).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -100,8 +100,8 @@ def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[D
 def unpaired(
     elements: Elements, paired: Iterable[int], placed: Floats, shown: Floats, cover: Coverage, state: State
 ) -> Iterator[ElementChange]:
-    """The elements of one map that have no partner: `state` where the other map's plugin would have found them. `placed` (n, 3): their
-    middles in the other map's frame; `shown` (n, 3): in the new map's."""
+    """The elements of one map that have no partner: `state` where the other map's plugin would have found them.
+    `placed` (n, 3): their middles in the other map's frame; `shown` (n, 3): in the new map's."""
     known = set(paired)
     for k, structure in enumerate(elements.structures):
         if k in known:
@@ -126,7 +126,8 @@ def judged(rows: Sequence[Sequence[ElementChange]], level: float) -> list[tuple[
 
 
 def _test(row: int, element: int, figure: Difference) -> tuple[object, ...]:
-    """What tells a test from the others: figures of a row's elements that end at the same edges in both maps are one."""
+    """What tells a test from the others: figures of a row's elements that end at the same edges in both maps are
+    one."""
     if not figure.edges:
         return row, element, figure.what
     return row, figure.what, *(round(one / EQUAL_M) for one in figure.edges)

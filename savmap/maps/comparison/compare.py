@@ -1,4 +1,5 @@
-"""Two maps of one place compared: rows by name, each row's frame found anew in the other's, and every element of both."""
+"""Two maps of one place compared: rows by name, each row's frame found anew in the other's, and every element of
+both."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +19,8 @@ MOST_RENAMED, RENAMED_SHARE = 9, 0.8
 LEVEL = 0.1
 """Of what is told as a change, at most this share is chance."""
 Openings = Mapping[str, Mapping[str, Sequence[Structure]]]
-"""By row and plugin, what is between structures, such as the clear space of which somebody cares how wide and high it is."""
+"""By row and plugin, what is between structures, such as the clear space of which somebody cares how wide and high it
+is."""
 
 
 def compare_maps(
@@ -27,8 +29,8 @@ def compare_maps(
     openings: tuple[Openings, Openings] = ({}, {}),
     level: float = LEVEL,
 ) -> Comparison:
-    """What changed from the old to the new map, and what of it both can tell. Rows are known by their names; a row that the other map's run
-    failed to map is neither new nor missing."""
+    """What changed from the old to the new map, and what of it both can tell. Rows are known by their names; a row that
+    the other map's run failed to map is neither new nor missing."""
     rows = [
         _row_compared(row, new.rows[name], (openings[0].get(name, {}), openings[1].get(name, {})))
         for name, row in old.rows.items()
@@ -42,7 +44,8 @@ def compare_maps(
 
 
 def _renamed(old: SiteMap, new: SiteMap, missing: Sequence[str], added: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Rows that only one map has, in which nearly all is alike: by both names. Where there are many, nobody can tell which is which."""
+    """Rows that only one map has, in which nearly all is alike: by both names. Where there are many, nobody can tell
+    which is which."""
     if len(missing) * len(added) > MOST_RENAMED:
         return
     for name, other in product(missing, added):
@@ -117,8 +120,8 @@ def _from_left(change: ElementChange) -> tuple[float, str]:
 def _openings_compared(
     before: Mapping[str, Sequence[Structure]], after: Mapping[str, Sequence[Structure]], reading: Reading, scaled: bool
 ) -> list[ElementChange]:
-    """Openings on both dates, paired where the rows' elements place them. Their sizes have errors in common of their own; `scaled`: the maps'
-    scales differ by more than they know."""
+    """Openings on both dates, paired where the rows' elements place them. Their sizes have errors in common of their
+    own; `scaled`: the maps' scales differ by more than they know."""
     kinds = kinds_of(before, after)
     old, new = elements_of(before, kinds), elements_of(after, kinds)
     pairs = paired(old, new, reading.fit.carried(old.middles), GATE_M)

@@ -1,4 +1,5 @@
-"""What of a row is compared: its structures as boxes along the row's axes with texts, and the part of the row that the camera passed."""
+"""What of a row is compared: its structures as boxes along the row's axes with texts, and the part of the row that the
+camera passed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +19,9 @@ SURE = 0.999
 @dataclass(frozen=True, eq=False)
 @array_record
 class Elements:
-    """The n structures of a row: middles (n, 3) and sizes (n, 3) m along the axes with standard deviations, `groups` (n,) numbers of the
-    `kinds` (plugin, label), texts (n) with the chance (n,) that each is misread, and the structures."""
+    """The n structures of a row: middles (n, 3) and sizes (n, 3) m along the axes with standard deviations, `groups`
+    (n,) numbers of the `kinds` (plugin, label), texts (n) with the chance (n,) that each is misread, and the
+    structures."""
 
     structures: tuple[Structure, ...]
     kinds: tuple[tuple[str, str], ...]
@@ -60,8 +62,9 @@ def kinds_of(*rows: Mapping[str, Sequence[Structure]]) -> list[tuple[str, str]]:
 
 
 def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
-    """Middle, its standard deviations, size, its standard deviations (3,) along the axes: from the means of the vertices on either side.
-    Errors of the two sides are taken for equal where the middle is concerned, and for independent where the size is."""
+    """Middle, its standard deviations, size, its standard deviations (3,) along the axes: from the means of the
+    vertices on either side. Errors of the two sides are taken for equal where the middle is concerned, and for
+    independent where the size is."""
     spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
     low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in sides(structure.vertices))
     of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in sides(structure.vertices))
@@ -75,14 +78,16 @@ def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def sides(vertices: Floats) -> tuple[Ints, Ints]:
-    """The numbers (n // 2, 3) of the vertices (n, 3) on the low and on the high side along each axis; of one vertex, itself on both."""
+    """The numbers (n // 2, 3) of the vertices (n, 3) on the low and on the high side along each axis; of one vertex,
+    itself on both."""
     order = np.argsort(vertices, axis=0, kind="stable")
     half = max(len(vertices) // 2, 1)
     return order[:half], order[-half:]
 
 
 def measured(structure: Structure) -> dict[str, tuple[float, float]]:
-    """The attributes in metres that have a standard deviation, such as `width_m` beside `width_sigma_m`: value and sigma by name."""
+    """The attributes in metres that have a standard deviation, such as `width_m` beside `width_sigma_m`: value and
+    sigma by name."""
     found = {}
     for name, value in structure.attributes.items():
         if not name.endswith("_m") or isinstance(value, str) or name.endswith("_sigma_m"):
@@ -107,7 +112,8 @@ def _misread(structure: Structure) -> float:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Coverage:
-    """What of a row the camera passed: places (n,) m along x, from each of which it sees `reach_m` far to either side; the plugins that were asked."""
+    """What of a row the camera passed: places (n,) m along x, from each of which it sees `reach_m` far to either side;
+    the plugins that were asked."""
 
     places: Floats
     reach_m: float
@@ -122,8 +128,8 @@ class Coverage:
 
 
 def coverage_of(row: RowMap, elements: Elements) -> Coverage:
-    """From the camera's places, and from what was mapped. A row that is filmed in part goes on where the path ends, so that only what was
-    passed whole counts as seen."""
+    """From the camera's places, and from what was mapped. A row that is filmed in part goes on where the path ends, so
+    that only what was passed whole counts as seen."""
     poses = row.trajectory.world_from_rig
     reach = LEAST_REACH_M
     if len(poses):

@@ -1,10 +1,10 @@
 """How one row's frame lies in another's: robust weighted least squares over the elements that both have.
 
-Errors of a row's elements are not independent. What they have in common is estimated with the rigid motion, each with the standard
-deviation that the maps' own covariances allow it: the scale along x and y, and for each kind of element an offset of its middles and of
-its sizes (masks that are too wide, a setback that is only assumed). What is left is each element's own error. Its scatter among all
-elements of a kind, most of which have not changed, is measured, since a map holds covariances of single vertices, which do not tell
-how much of an error is common.
+Errors of a row's elements are not independent. What they have in common is estimated with the rigid motion, each with
+the standard deviation that the maps' own covariances allow it: the scale along x and y, and for each kind of element an
+offset of its middles and of its sizes (masks that are too wide, a setback that is only assumed). What is left is each
+element's own error. Its scatter among all elements of a kind, most of which have not changed, is measured, since a map
+holds covariances of single vertices, which do not tell how much of an error is common.
 """
 
 from collections.abc import Sequence
@@ -20,13 +20,15 @@ Part = tuple[Ints, int, bool, Floats, Floats, Floats, Ints, Floats, Ints]
 ROUNDS = 12
 TUKEY = 6.0
 LEAST_SIGMA_M = 0.001
-"""Of a middle; of a size twice that. Labels, lips and shadows move an edge in the pictures by a millimetre, each date anew."""
+"""Of a middle; of a size twice that. Labels, lips and shadows move an edge in the pictures by a millimetre, each date
+anew."""
 LEAST_SIZE_M = 0.02
 FREE_M, FREE_RAD = 1e3, 1.0
 LEAST_SCALE, FREE_SCALE = 0.0003, 0.3
 FEW = 4
 MEASURED_M, MEASURED_SHARE = 0.1, 0.02
-"""A figure that is known no better than this, and this share of its distance from the row's middle, was not measured."""
+"""A figure that is known no better than this, and this share of its distance from the row's middle, was not
+measured."""
 MAD = 1.4826
 PEERS, EXCESS = 7, 2.0
 SAME_M, SHARED_PART = 3e-5, 1 / 3
@@ -39,9 +41,9 @@ T, HEADING, SCALE = slice(0, 3), 3, slice(4, 6)
 @dataclass(frozen=True, eq=False)
 @array_record
 class Equations:
-    """m differences (m,) m, new less old, each of pair `pair` along `axis`, of a middle or of a size (`size`): their derivatives (m, k) by the
-    unknowns, the standard deviations (m,) that the maps give, the kinds (m,) of like ones, the places (m,) m along their axis, and the families
-    (m,) of one plugin's kinds along one axis."""
+    """m differences (m,) m, new less old, each of pair `pair` along `axis`, of a middle or of a size (`size`): their
+    derivatives (m, k) by the unknowns, the standard deviations (m,) that the maps give, the kinds (m,) of like ones,
+    the places (m,) m along their axis, and the families (m,) of one plugin's kinds along one axis."""
 
     pair: Ints
     axis: Ints
@@ -57,9 +59,9 @@ class Equations:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Fit:
-    """The solved equations: unknowns (k,) with covariance (k, k), the point (3,) m about which the row is turned and scaled, `turned` by half a
-    turn or not, and for each equation the residual (m,) m, its standard deviation (m,) and the number (m,) of scattered ones that tell it. `gain`
-    (k, m): how much each difference counts in each unknown."""
+    """The solved equations: unknowns (k,) with covariance (k, k), the point (3,) m about which the row is turned and
+    scaled, `turned` by half a turn or not, and for each equation the residual (m,) m, its standard deviation (m,) and
+    the number (m,) of scattered ones that tell it. `gain` (k, m): how much each difference counts in each unknown."""
 
     equations: Equations
     unknowns: Floats
@@ -73,7 +75,8 @@ class Fit:
 
     @property
     def shared(self) -> Bools:
-        """Which equations (m,) say no more than that of many other elements of their kind, such as an assumed setback."""
+        """Which equations (m,) say no more than that of many other elements of their kind, such as an assumed
+        setback."""
         common = np.zeros(len(self.freedom), dtype=np.bool_)
         for kind in np.unique(self.equations.kind):
             chosen = np.flatnonzero(self.equations.kind == kind)
@@ -109,7 +112,8 @@ def half_turn(points: Floats, turned: bool) -> Floats:
 def fit(
     old: Elements, new: Elements, pairs: Pairs, turned: bool = False, rounds: int = ROUNDS, free_scale: bool = False
 ) -> Fit:
-    """The motion that most of the pairs agree upon. `free_scale`: whatever the maps say of how well they know their scales."""
+    """The motion that most of the pairs agree upon. `free_scale`: whatever the maps say of how well they know their
+    scales."""
     rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     placed = half_turn(old.middles[rows], turned)
     about = np.median(placed, axis=0) * np.array([1.0, 0.0, 1.0])
@@ -229,7 +233,8 @@ def _joined(parts: Sequence[Part]) -> Equations:
 
 
 def _prior(equations: Equations, kinds: int) -> Floats:
-    """The information (k,) of the unknowns' prior about 0: offsets as large as a kind's sigmas, scales as large as sigmas far away allow."""
+    """The information (k,) of the unknowns' prior about 0: offsets as large as a kind's sigmas, scales as large as
+    sigmas far away allow."""
     sigmas = np.full(6 + 6 * kinds, LEAST_SIGMA_M)
     sigmas[T], sigmas[HEADING] = FREE_M, FREE_RAD
     for axis in (0, 1):
@@ -254,7 +259,8 @@ def _medians(equations: Equations, values: Floats) -> Floats:
 
 
 def _excess(equations: Equations) -> Floats:
-    """The variance (m,) that an element's own sigma has beyond twice that of its likes nearest along the axis: it was seen worse."""
+    """The variance (m,) that an element's own sigma has beyond twice that of its likes nearest along the axis: it was
+    seen worse."""
     extra = np.zeros(len(equations.sigma))
     variance = equations.sigma**2
     for kind in np.unique(equations.kind):
@@ -269,9 +275,12 @@ def _excess(equations: Equations) -> Floats:
 
 
 def _scatter(equations: Equations, residual: Floats) -> tuple[Floats, Floats]:
-    """The standard deviation (m,) of each equation's own error, and the number (m,) of independent residuals that it rests upon.
+    """The standard deviation (m,) of each equation's own error, and the number (m,) of independent residuals that it
+    rests upon.
 
-    It is the scatter of the residuals of its kind, steadied by what share of the maps' sigma the scatter of its family is, as much as `PRIOR_COUNT` residuals do (moderated t-test, Smyth 2004). Of few residuals, or where all of a kind are one, it is the maps'.
+    It is the scatter of the residuals of its kind, steadied by what share of the maps' sigma the scatter of its family
+    is, as much as `PRIOR_COUNT` residuals do (moderated t-test, Smyth 2004). Of few residuals, or where all of a kind
+    are one, it is the maps'.
     """
     scatter, freedom = np.zeros(len(residual)), np.full(len(residual), np.inf)
     kinds = [np.flatnonzero(equations.kind == kind) for kind in np.unique(equations.kind)]
@@ -295,12 +304,14 @@ def _scatter(equations: Equations, residual: Floats) -> tuple[Floats, Floats]:
 
 
 def _independent(equations: Equations, chosen: Ints) -> Ints:
-    """The first of the equations that have the same difference: elements that share an edge have one error, which counts once."""
+    """The first of the equations that have the same difference: elements that share an edge have one error, which
+    counts once."""
     return np.unique(np.round(equations.difference[chosen] / SAME_M), return_index=True)[1]
 
 
 def _spread(residual: Floats) -> tuple[float, float]:
-    """The standard deviation of residuals (n,) of which most are chance, and the number of degrees of freedom that tell it; 0 of few."""
+    """The standard deviation of residuals (n,) of which most are chance, and the number of degrees of freedom that tell
+    it; 0 of few."""
     if len(residual) < FEW:
         return LEAST_SIGMA_M, 0.0
     spread = max(MAD * float(np.median(np.abs(residual))), LEAST_SIGMA_M)

@@ -1,8 +1,10 @@
-"""Which elements of two rows are the same, whatever their frames: candidates for the shift along the row, and the one that explains most.
+"""Which elements of two rows are the same, whatever their frames: candidates for the shift along the row, and the one
+that explains most.
 
-Repetitive rows fit nearly as well when they slip by one bay. Every shift that many like elements vote for is therefore tried, with the scale
-and offsets that suit it, and scored by how many elements it pairs, how well these agree in place, size and text, and how many it leaves
-without a partner where the other map's camera passed. A shift that scores as much as the best is an alternative, which the result tells.
+Repetitive rows fit nearly as well when they slip by one bay. Every shift that many like elements vote for is therefore
+tried, with the scale and offsets that suit it, and scored by how many elements it pairs, how well these agree in place,
+size and text, and how many it leaves without a partner where the other map's camera passed. A shift that scores as much
+as the best is an alternative, which the result tells.
 """
 
 from collections.abc import Iterator
@@ -45,8 +47,8 @@ class Reading:
 
 
 def best_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage]) -> list[Reading]:
-    """The best reading, then those that are as good; none where too little agrees. Half a turn is thought of only where nothing fits without,
-    and another scale only where nothing fits then."""
+    """The best reading, then those that are as good; none where too little agrees. Half a turn is thought of only where
+    nothing fits without, and another scale only where nothing fits then."""
     straight = sorted(_readings(old, new, covers, False), key=lambda one: -one.score)
     if straight and straight[0].share >= TURN_SHARE:
         return _as_good(straight)
@@ -60,8 +62,8 @@ def best_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage
 
 
 def _scaled_readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage]) -> Iterator[Reading]:
-    """Readings in which one map measures more than the other by as much as typical elements of both are larger, along the row as well as
-    upwards: bays of other widths may have likes at other heights."""
+    """Readings in which one map measures more than the other by as much as typical elements of both are larger, along
+    the row as well as upwards: bays of other widths may have likes at other heights."""
     for factor in _factors(old, new):
         larger = replace(old, middles=factor * old.middles, sizes=factor * old.sizes)
         passed = replace(covers[0], places=factor * covers[0].places, reach_m=factor * covers[0].reach_m)
@@ -110,7 +112,8 @@ def _readings(old: Elements, new: Elements, covers: tuple[Coverage, Coverage], t
 
 
 def _promising(old: Elements, new: Elements, turned: bool) -> list[Pairs]:
-    """The first pairs of each shift that is worth a fit: of those that agree, but for one offset, nearly as well as the best."""
+    """The first pairs of each shift that is worth a fit: of those that agree, but for one offset, nearly as well as the
+    best."""
     first: list[tuple[float, Pairs]] = []
     for shift in _candidates(old, new, turned):
         placed = half_turn(old.middles, turned) + np.array([shift, 0.0, 0.0])
@@ -165,8 +168,8 @@ def _tall(elements: Elements) -> Bools:
 
 
 def paired(old: Elements, new: Elements, placed: Floats, gate_m: float) -> Pairs:
-    """Pairs of elements of one kind no further apart than `gate_m`, along no axis; together they are as near as can be. `placed` (n, 3): the
-    old middles in the new frame. Heights that nobody measured count for nothing."""
+    """Pairs of elements of one kind no further apart than `gate_m`, along no axis; together they are as near as can be.
+    `placed` (n, 3): the old middles in the new frame. Heights that nobody measured count for nothing."""
     if not len(old) or not len(new):
         return ()
     apart = np.abs(new.middles[None] - placed[:, None])

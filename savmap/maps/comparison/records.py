@@ -8,8 +8,8 @@ import numpy as np
 from savmap.types import Floats, array_record
 
 State = Literal["same", "moved", "changed", "new", "missing", "not seen"]
-"""`moved`: its middle is elsewhere. `changed`: its size, its text or another of its figures is another. `not seen`: one map has it, and
-the other's camera did not pass there, or its plugin was not asked."""
+"""`moved`: its middle is elsewhere. `changed`: its size, its text or another of its figures is another. `not seen`: one
+map has it, and the other's camera did not pass there, or its plugin was not asked."""
 CHANGES: tuple[State, ...] = ("moved", "changed", "new", "missing")
 
 
@@ -17,11 +17,12 @@ CHANGES: tuple[State, ...] = ("moved", "changed", "new", "missing")
 class Difference:
     """A figure of an element on both dates.
 
-    `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or texts; an old place
-    stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what all likes have in common; `sigma_m` is
-    its standard deviation, and `p` the chance of at least as much where nothing changed. Texts have neither difference nor sigma. `edges`:
-    along its axis, where the two edges that make a place or a size lie in the old map and in the new one, m, each in its own frame; figures of
-    which these are equal are one measurement.
+    `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or
+    texts; an old place stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what
+    all likes have in common; `sigma_m` is its standard deviation, and `p` the chance of at least as much where nothing
+    changed. Texts have neither difference nor sigma. `edges`: along its axis, where the two edges that make a place or
+    a size lie in the old map and in the new one, m, each in its own frame; figures of which these are equal are one
+    measurement.
     """
 
     what: str
@@ -42,8 +43,8 @@ class Difference:
 @dataclass(frozen=True, eq=False)
 @array_record
 class ElementChange:
-    """An element of a row on both dates: its ids (None: that map has none), the text on it, the middle (3,) m in the new row's frame, and
-    the figures that were tested. `p` is the least of theirs."""
+    """An element of a row on both dates: its ids (None: that map has none), the text on it, the middle (3,) m in the
+    new row's frame, and the figures that were tested. `p` is the least of theirs."""
 
     plugin: str
     label: str
@@ -68,9 +69,9 @@ class ElementChange:
 
 @dataclass(frozen=True)
 class ScaleDifference:
-    """By how much more, as a share, the new map measures along an axis ("x" or "y") of a row, with the standard deviation that the elements in common
-    and both maps' own uncertainties of scale give it. `old_sigma`, `new_sigma`: the latter of each. `p`: the chance of at least as much
-    where both maps' references hold."""
+    """By how much more, as a share, the new map measures along an axis ("x" or "y") of a row, with the standard
+    deviation that the elements in common and both maps' own uncertainties of scale give it. `old_sigma`, `new_sigma`:
+    the latter of each. `p`: the chance of at least as much where both maps' references hold."""
 
     axis: str
     share: float
@@ -89,11 +90,13 @@ class ScaleDifference:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowMotion:
-    """How the old row's frame lies in the new one's: turned by `heading_deg` about y, counter-clockwise as seen from above, then moved by
-    `shift_m` (3,). `covariance` (4, 4) of the shift in m and the heading in degrees, for a turn about `middle_m` (3,) of the new frame.
+    """How the old row's frame lies in the new one's: turned by `heading_deg` about y, counter-clockwise as seen from
+    above, then moved by `shift_m` (3,). `covariance` (4, 4) of the shift in m and the heading in degrees, for a turn
+    about `middle_m` (3,) of the new frame.
 
-    `scale` (3,): by how much more, as a share, the new map measures along each axis from there. `pairs`: elements found in both. `alternatives_m`: shifts
-    along x that fit as well as this one; if there are any, nothing in the row tells which is right.
+    `scale` (3,): by how much more, as a share, the new map measures along each axis from there. `pairs`: elements found
+    in both. `alternatives_m`: shifts along x that fit as well as this one; if there are any, nothing in the row tells
+    which is right.
     """
 
     shift_m: Floats
@@ -111,7 +114,8 @@ class RowMotion:
 
     @property
     def shift_covariance(self) -> Floats:
-        """Covariance (3, 3) m^2 of `shift_m`: a heading that is off turns the frame's origin about the middle of the row."""
+        """Covariance (3, 3) m^2 of `shift_m`: a heading that is off turns the frame's origin about the middle of the
+        row."""
         lever = self.shift_m - self.middle_m
         by_heading = np.deg2rad([lever[2], 0.0, -lever[0]])
         slopes = np.column_stack([np.eye(3), by_heading])
@@ -130,8 +134,9 @@ class RowMotion:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowComparison:
-    """A row on both dates: its names, how the frames lie (None: nothing in common was found, and nothing is compared), its elements from left
-    to right, the openings between them, of which only sizes are compared, and how the maps' scales differ, where anything tells."""
+    """A row on both dates: its names, how the frames lie (None: nothing in common was found, and nothing is compared),
+    its elements from left to right, the openings between them, of which only sizes are compared, and how the maps'
+    scales differ, where anything tells."""
 
     old: str
     new: str
@@ -154,8 +159,10 @@ class RowComparison:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Comparison:
-    """Two maps of one place: rows that both have, and names of rows that only one has. `failed`: names of rows that one has, and that the other
-    map's run could not map. `renamed`: a missing and a new row each that may be one, by name. `level`: the share of false ones among the changes that is accepted (Benjamini and Hochberg's false discovery rate)."""
+    """Two maps of one place: rows that both have, and names of rows that only one has. `failed`: names of rows that one
+    has, and that the other map's run could not map. `renamed`: a missing and a new row each that may be one, by name.
+    `level`: the share of false ones among the changes that is accepted (Benjamini and Hochberg's false discovery
+    rate)."""
 
     rows: tuple[RowComparison, ...]
     missing: tuple[str, ...]

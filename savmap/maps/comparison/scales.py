@@ -1,8 +1,9 @@
 """By how much more one map measures than another, and whether what both know of their scale allows that.
 
-A scale that all elements of a row have in common says nothing of any one of them, so that the fit takes it out. It does say that one of the maps rests
-on a wrong reference, such as a camera's height that is off by a hand's breadth. It is estimated free of any prior; its variance is that of the
-fit, and what the errors that either map's elements share make of it, by that map's joint covariance.
+A scale that all elements of a row have in common says nothing of any one of them, so that the fit takes it out. It does
+say that one of the maps rests on a wrong reference, such as a camera's height that is off by a hand's breadth. It is
+estimated free of any prior; its variance is that of the fit, and what the errors that either map's elements share make
+of it, by that map's joint covariance.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,8 +27,8 @@ SAY_LEAST_P = 1e-12
 def scale_differences(
     found: Fit, pairs: Pairs, old: tuple[Elements, RowMap], new: tuple[Elements, RowMap]
 ) -> tuple[ScaleDifference, ...]:
-    """The scales along x and y that a fit without a prior of them found; none along an axis on which nothing is far enough apart to tell.
-    Whether they are significant is said by `judged_scales`."""
+    """The scales along x and y that a fit without a prior of them found; none along an axis on which nothing is far
+    enough apart to tell. Whether they are significant is said by `judged_scales`."""
     return tuple(_differences(found, pairs, old, new))
 
 
@@ -53,7 +54,8 @@ def _differences(
 def _map_sigma(
     equations: Equations, gain: Floats, axis: int, of: tuple[Elements, RowMap], chosen: Sequence[int], turned: bool
 ) -> float | None:
-    """The standard deviation of a map's own scale along an axis, as the fit's equations tell it; None where nothing tells."""
+    """The standard deviation of a map's own scale along an axis, as the fit's equations tell it; None where nothing
+    tells."""
     elements, row = of
     lever = np.abs(equations.slopes[:, SCALE][:, axis])
     far = (equations.axis == axis) & ~equations.size & (lever > LEAST_LEVER_M)
@@ -73,7 +75,8 @@ def _joint_sigma(
     chosen: Sequence[int],
     turned: bool,
 ) -> float:
-    """What the errors of a map's vertices, and what they share, make of a figure that is `gain` (m,) times the differences."""
+    """What the errors of a map's vertices, and what they share, make of a figure that is `gain` (m,) times the
+    differences."""
     solved, own = np.zeros(len(joint.covariance)), 0.0
     for pair, k in enumerate(chosen):
         structure = elements.structures[k]
@@ -108,8 +111,8 @@ def stands_out(scales: Sequence[ScaleDifference]) -> bool:
 
 
 def judged_scales(rows: Sequence[Sequence[ScaleDifference]], level: float) -> list[tuple[ScaleDifference, ...]]:
-    """The scales of each row with what is significant of them: beyond three standard deviations, and, of all rows' scales together, with no more
-    than a share of `level` that is chance."""
+    """The scales of each row with what is significant of them: beyond three standard deviations, and, of all rows'
+    scales together, with no more than a share of `level` that is chance."""
     limit = min(accepted([one.p for row in rows for one in row], level), _least_p())
     return [tuple(replace(one, significant=one.p <= limit) for one in row) for row in rows]
 

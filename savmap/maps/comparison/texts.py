@@ -148,7 +148,8 @@ def renamed_lines(comparison: Comparison) -> Iterator[str]:
 
 
 def remarks(row: RowComparison) -> tuple[str, ...]:
-    """What a reader must know before the changes: that the frames may lie otherwise, that the scales differ, or that little agrees."""
+    """What a reader must know before the changes: that the frames may lie otherwise, that the scales differ, or that
+    little agrees."""
     if row.motion is None:
         return ("check that both maps are of the same place, and the same face of it",)
     said = [ambiguity_text(row.motion)] if row.motion.ambiguous else []
@@ -164,8 +165,8 @@ def remarks(row: RowComparison) -> tuple[str, ...]:
 
 
 def scale_text(row: RowComparison) -> str:
-    """By how much more the new map measures along each axis, with standard deviations of what both maps' references allow; empty where
-    nothing tells."""
+    """By how much more the new map measures along each axis, with standard deviations of what both maps' references
+    allow; empty where nothing tells."""
     axes = ", ".join(
         f"{one.axis} {100 * one.share:+.2f} % (+- {100 * one.sigma:.2f} %, {one.sigmas:.1f} sigma)"
         for one in row.scales

@@ -1,7 +1,7 @@
 """A map in formats that other programs read.
 
-A format is a function `(SiteMap, Path)` in a module of this package, named in `FORMATS`. Libraries that one format alone needs are imported
-by its function, and are extras.
+A format is a function `(SiteMap, Path)` in a module of this package, named in `FORMATS`. Libraries that one format
+alone needs are imported by its function, and are extras.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -44,7 +44,8 @@ ENDINGS = {".lif.json": "lif", ".building.yaml": "open-rmf"}
 
 
 def format_of(path: Path, formats: Iterable[str]) -> str:
-    """The name of the format that a file's ending tells. Raises SiteError, which names the formats, where it tells none."""
+    """The name of the format that a file's ending tells. Raises SiteError, which names the formats, where it tells
+    none."""
     known, name = sorted(formats), path.name.lower()
     own = [ENDINGS[ending] for ending in ENDINGS if name.endswith(ending)]
     own += [path.suffix.removeprefix(".").lower()]
@@ -69,8 +70,8 @@ def _exporter(place: str) -> Exporter:
 
 
 def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "") -> None:
-    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError for an exporter
-    that fails, OutputError. `remark`: what to add where the format is unknown."""
+    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError
+    for an exporter that fails, OutputError. `remark`: what to add where the format is unknown."""
     if name not in formats:
         raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
     try:
@@ -82,7 +83,8 @@ def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, E
 
 
 def require_library(module: str, extra: str) -> None:
-    """Raise OutputError where a library that a format needs is not installed. `extra`: the extra of savmap that has it."""
+    """Raise OutputError where a library that a format needs is not installed. `extra`: the extra of savmap that has
+    it."""
     try:
         import_module(module)
     except ImportError as error:

@@ -8,7 +8,8 @@ from savmap.errors import OutputError
 from savmap.types import Alignment, Floats, Ints, Placement, RowMap, SiteMap, Solid, Structure, array_record
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
-"""world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along z goes down along y."""
+"""world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along
+z goes down along y."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +24,8 @@ class Element:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Drive:
-    """A row's trajectory in the world's frame: numbers (n) of the located frames, times (n) s, passes (n), world_from_rig (n, 4, 4). The rig's
-    axes are the camera's: x right, y down, z ahead."""
+    """A row's trajectory in the world's frame: numbers (n) of the located frames, times (n) s, passes (n),
+    world_from_rig (n, 4, 4). The rig's axes are the camera's: x right, y down, z ahead."""
 
     row: str
     frames: Ints
@@ -34,8 +35,9 @@ class Drive:
 
 
 def elements(site: SiteMap) -> list[Element]:
-    """All structures in the world's frame: metres, right-handed, z up, floor at z = 0 unless the alignment says otherwise. Covariances hold
-    the rows' placements and the site's alignment, too. Raises OutputError where rows have no common frame."""
+    """All structures in the world's frame: metres, right-handed, z up, floor at z = 0 unless the alignment says
+    otherwise. Covariances hold the rows' placements and the site's alignment, too. Raises OutputError where rows have
+    no common frame."""
     require_one_frame(site)
     return [
         Element(
@@ -63,8 +65,8 @@ def world_from_row(site: SiteMap, row: str) -> Floats:
 
 
 def only_row(site: SiteMap, row: str) -> tuple[SiteMap, str]:
-    """The map of one of its rows alone, and a note where the site's alignment does not hold for it and is left out: a row that is not placed
-    among others, mapped or not, may stand anywhere in the user's world."""
+    """The map of one of its rows alone, and a note where the site's alignment does not hold for it and is left out: a
+    row that is not placed among others, mapped or not, may stand anywhere in the user's world."""
     alone = replace(site, rows={row: site.rows[row]})
     others = (site.rows.keys() | site.failed.keys()) - {row}
     if site.alignment is None or row in site.placements or not others:
@@ -86,7 +88,8 @@ def world_from_site(alignment: Alignment | None) -> Floats:
 
 
 def require_one_frame(site: SiteMap) -> None:
-    """Raise OutputError where there are several rows and one of them is not placed, because its frame is another one."""
+    """Raise OutputError where there are several rows and one of them is not placed, because its frame is another
+    one."""
     apart = [name for name in site.rows if name not in site.placements]
     if apart and len(site.rows) > 1:
         raise OutputError(
@@ -95,7 +98,8 @@ def require_one_frame(site: SiteMap) -> None:
 
 
 def in_site(structure: Structure, placement: Placement | None) -> Structure:
-    """A row's structure in the site's frame, the placement's covariance added; unchanged where the row is not placed."""
+    """A row's structure in the site's frame, the placement's covariance added; unchanged where the row is not
+    placed."""
     if placement is None:
         return structure
     covariances = placement.covariances(structure.vertices, structure.covariances)

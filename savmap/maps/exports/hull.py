@@ -8,7 +8,8 @@ from savmap.types import Floats
 
 
 def hull(points: Floats) -> Floats:
-    """The convex hull (m, 2) of points (n, 2), counter-clockwise from the leftmost, without corners on straight sides."""
+    """The convex hull (m, 2) of points (n, 2), counter-clockwise from the leftmost, without corners on straight
+    sides."""
     ordered = sorted(set(map(tuple, np.asarray(points).tolist())))
     lower, upper = _chain(ordered), _chain(ordered[::-1])
     corners: Floats = np.array([*lower[:-1], *upper[:-1]] or ordered, dtype=np.float64)

@@ -1,4 +1,5 @@
-"""What exports say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given once."""
+"""What exports say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given
+once."""
 
 from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version
@@ -50,8 +51,8 @@ def sigmas(structure: Structure) -> Floats:
 
 
 def assumed_depths(bodies: Iterable[tuple[str, float]]) -> str:
-    """What to say of bodies whose depth was neither measured nor given, each by its label and depth, m: "assumed depth, neither measured nor given: post
-    1.1 m"; nothing of none."""
+    """What to say of bodies whose depth was neither measured nor given, each by its label and depth, m: "assumed depth,
+    neither measured nor given: post 1.1 m"; nothing of none."""
     depths = dict[str, list[float]]()
     for label, depth_m in bodies:
         depths.setdefault(visible(label), []).append(depth_m)

@@ -37,9 +37,9 @@ COLUMNS = [
 
 
 def write_csv(site: SiteMap, path: Path) -> None:
-    """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not placed, and their
-    standard deviations, m, the row's axes along which nothing measured it; last what is written on it and what speaks against it. Raises
-    OutputError."""
+    """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not
+    placed, and their standard deviations, m, the row's axes along which nothing measured it; last what is written on it
+    and what speaks against it. Raises OutputError."""
     stream, said = io.StringIO(), site.doubts()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -59,8 +59,8 @@ def write_csv(site: SiteMap, path: Path) -> None:
 
 
 def write_ply(site: SiteMap, path: Path) -> None:
-    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also if there are several
-    rows and one of them is not placed, because its frame is another one."""
+    """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also if
+    there are several rows and one of them is not placed, because its frame is another one."""
     require_one_frame(site)
     apart = [name for name in site.rows if name not in site.placements]
     what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
@@ -75,7 +75,8 @@ def write_ply(site: SiteMap, path: Path) -> None:
 
 
 def cell(text: str) -> str:
-    """A text as a cell of CSV: on one line, and with an apostrophe before what a spreadsheet would take for a formula."""
+    """A text as a cell of CSV: on one line, and with an apostrophe before what a spreadsheet would take for a
+    formula."""
     shown = visible(text)
     return f"'{shown}" if shown.lstrip()[:1] in FORMULAS else shown
 

@@ -1,5 +1,6 @@
-"""Surveys out of the files that surveyors and their spreadsheets write: tables (`table`) and drawings (`drawing`) are read to elements, which are
-put into their rows' frames (`places`), and the plugins make a survey's entries of them (`survey`)."""
+"""Surveys out of the files that surveyors and their spreadsheets write: tables (`table`) and drawings (`drawing`) are
+read to elements, which are put into their rows' frames (`places`), and the plugins make a survey's entries of them
+(`survey`)."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,8 +14,8 @@ Reader = Callable[[Path, ImportOptions, Mapping[str, str]], list[Found]]
 
 
 def elements_of(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[Found]:
-    """The elements that a file holds, by its ending. `labels`: those of the plugins, by themselves in lower case. Raises OutputError with one
-    line: file, place, problem."""
+    """The elements that a file holds, by its ending. `labels`: those of the plugins, by themselves in lower case.
+    Raises OutputError with one line: file, place, problem."""
     return _reader(path)(path, options, labels)
 
 

@@ -1,7 +1,8 @@
-"""Elements of a drawing, DXF, by the library `ezdxf`: what lies on layers that are called like a label, or that the options give one.
+"""Elements of a drawing, DXF, by the library `ezdxf`: what lies on layers that are called like a label, or that the
+options give one.
 
-Each block that is inserted, closed line, mesh and point is an element; lines that touch one another on a layer are one. A drawing of savmap's own
-says in its extended data what each line is of. Curves count with their corners alone.
+Each block that is inserted, closed line, mesh and point is an element; lines that touch one another on a layer are one.
+A drawing of savmap's own says in its extended data what each line is of. Curves count with their corners alone.
 """
 
 import io
@@ -46,8 +47,9 @@ TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "
 @dataclass(frozen=True, eq=False)
 @array_record
 class Piece:
-    """One entity, blocks inserted: its layer, what it is called, corners (n, 3) in the drawing's unit, whether it is a line that others go on
-    from, and what savmap's own drawing says of it (row, plugin, id, label and what is written on it)."""
+    """One entity, blocks inserted: its layer, what it is called, corners (n, 3) in the drawing's unit, whether it is a
+    line that others go on from, and what savmap's own drawing says of it (row, plugin, id, label and what is written on
+    it)."""
 
     layer: str
     name: str
@@ -82,7 +84,8 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
 
 
 def _require_drawing(path: Path, content: bytes) -> None:
-    """Raise OutputError for what is no DXF in text: where it has not one section, the library takes it for a drawing that is empty."""
+    """Raise OutputError for what is no DXF in text: where it has not one section, the library takes it for a drawing
+    that is empty."""
     if content.startswith(DWG):
         raise OutputError(f"{path}: is a DWG drawing, which is not read: save it as DXF")
     if content.startswith(BINARY):
@@ -163,7 +166,8 @@ def _in_block(insert: Any, budget: _Budget, depth: int) -> Iterator[Floats]:
 
 
 def _corners(entity: Any) -> tuple[Floats, bool]:
-    """Corners (n, 3) of an entity in the world of the drawing, none of a kind that has none, and whether lines may go on from it."""
+    """Corners (n, 3) of an entity in the world of the drawing, none of a kind that has none, and whether lines may go
+    on from it."""
     kind = entity.dxftype()
     if kind == "LINE":
         return _array([entity.dxf.start, entity.dxf.end]), True
@@ -287,6 +291,7 @@ def _touching(pieces: Sequence[Piece], metres: float) -> list[list[Piece]]:
 
 
 def _cells(corner: Floats) -> set[tuple[int, ...]]:
-    """The cells of a millimetre in which a corner is, or nearly is: two that are where they should be have one in common."""
+    """The cells of a millimetre in which a corner is, or nearly is: two that are where they should be have one in
+    common."""
     ends = [np.floor((corner + shift) / TOUCH_M).tolist() for shift in (-NEARLY_M, NEARLY_M)]
     return set(product(*({int(low), int(high)} for low, high in zip(*ends, strict=True))))

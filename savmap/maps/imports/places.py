@@ -1,4 +1,5 @@
-"""Where rows stand in the frame of a survey: by a map with its alignment, or by the place of each row's origin in the user's world."""
+"""Where rows stand in the frame of a survey: by a map with its alignment, or by the place of each row's origin in the
+user's world."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -58,7 +59,8 @@ def inverse(transform: Floats) -> Floats:
 
 
 def in_rows(found: Sequence[Found], places: RowPlaces, row: str | None) -> tuple[list[Found], list[str]]:
-    """The elements in their rows' frames, and a note of those that belong to no row. `row`: that of what names none. Raises OutputError."""
+    """The elements in their rows' frames, and a note of those that belong to no row. `row`: that of what names none.
+    Raises OutputError."""
     moved = [_in_row(one, places, row) for one in found]
     astray = [one.structure.id for one, there in zip(found, moved, strict=True) if there is None]
     notes = [f"further than {NEAR_M:g} m from every row, left out: {len(astray)} ({listed(astray)})"] if astray else []
@@ -102,8 +104,9 @@ def _moved(one: Found, row: str, places: RowPlaces) -> Found:
 
 
 def place_of(text: str) -> tuple[str, Floats]:
-    """A row and world_from_row (4, 4) of "A=12.40,3.05,3.8": x and y of its origin in the world, m, and which way its x axis runs there, degrees
-    counter-clockwise from the world's; a fourth number is the height of its floor. Raises SiteError."""
+    """A row and world_from_row (4, 4) of "A=12.40,3.05,3.8": x and y of its origin in the world, m, and which way its x
+    axis runs there, degrees counter-clockwise from the world's; a fourth number is the height of its floor. Raises
+    SiteError."""
     row, _, numbers = text.rpartition("=")
     try:
         x, y, heading, *rest = [float(number) for number in numbers.split(",")]

@@ -23,9 +23,10 @@ MOST_NAMED, LONGEST_NAME = 8, 40
 class ImportOptions:
     """How files are read.
 
-    columns: of a table, for "row", "id", "label", "vertex", "x", "y", "z" and "text", the name or the number (from 1) of its column. labels: what a
-    layer or a code of the file is called here. unit: that of all lengths (None: what the file says, or metres). row: the row of what names none.
-    frame: of all positions (None: what the file says; else the world's where `placed` says that rows' places are known, else the row's).
+    columns: of a table, for "row", "id", "label", "vertex", "x", "y", "z" and "text", the name or the number (from 1)
+    of its column. labels: what a layer or a code of the file is called here. unit: that of all lengths (None: what the
+    file says, or metres). row: the row of what names none. frame: of all positions (None: what the file says; else the
+    world's where `placed` says that rows' places are known, else the row's).
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -66,7 +67,8 @@ def options_of(
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """An element of a file: its row ("" where the file names none), the frame of its vertices, and what is known of it, m."""
+    """An element of a file: its row ("" where the file names none), the frame of its vertices, and what is known of it,
+    m."""
 
     row: str
     frame: Frame

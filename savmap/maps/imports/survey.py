@@ -30,8 +30,8 @@ class ImportedSurvey:
 
 
 def survey_of(found: Sequence[Found], plugins: Mapping[str, Sequence[str]], entry_of: EntryHook) -> ImportedSurvey:
-    """A survey of elements in their rows' frames. `plugins`: the labels that each takes. `entry_of(plugin, elements)` asks one. Raises OutputError
-    where no element has a label that a plugin takes, or a plugin refuses them."""
+    """A survey of elements in their rows' frames. `plugins`: the labels that each takes. `entry_of(plugin, elements)`
+    asks one. Raises OutputError where no element has a label that a plugin takes, or a plugin refuses them."""
     plugin_of = {label.casefold(): (plugin, label) for plugin, labels in plugins.items() for label in labels}
     known = [one for one in found if one.structure.label.casefold() in plugin_of]
     others = Counter(one.structure.label for one in found if one.structure.label.casefold() not in plugin_of)

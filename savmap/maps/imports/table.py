@@ -1,7 +1,9 @@
-"""Points of a survey as total stations and spreadsheets write them: a table with a point a line, whose columns stand in any order.
+"""Points of a survey as total stations and spreadsheets write them: a table with a point a line, whose columns stand in
+any order.
 
-Comma, semicolon or tab part the columns, names may hold the unit ("x_m", "Easting [mm]"), and decimals may follow a comma. What has the same
-row and the same id is one element; without a column of ids, its code is both ("upright 3": the label "upright").
+Comma, semicolon or tab part the columns, names may hold the unit ("x_m", "Easting [mm]"), and decimals may follow a
+comma. What has the same row and the same id is one element; without a column of ids, its code is both ("upright 3": the
+label "upright").
 """
 
 import csv
@@ -116,7 +118,8 @@ def _text(path: Path) -> str:
 
 
 def _columns(path: Path, header: Sequence[str], options: ImportOptions) -> tuple[Columns, int]:
-    """What the table's first line says of its columns, and with which line its points begin: the first where that is no header."""
+    """What the table's first line says of its columns, and with which line its points begin: the first where that is no
+    header."""
     known = [_named(cell) for cell in header]
     places = dict[str, int]()
     for meaning, aliases in {**ALIASES, **(IN_WORLD if options.usual_frame == "world" else IN_ROW)}.items():
@@ -172,7 +175,8 @@ def _places(path: Path, points: Sequence[Line], columns: Columns) -> Floats:
 
 
 def _comma_is_decimal(path: Path, cells: Sequence[str]) -> bool:
-    """Whether decimals follow a comma: in a number with both signs, the last one is that of decimals; else there is but one."""
+    """Whether decimals follow a comma: in a number with both signs, the last one is that of decimals; else there is but
+    one."""
     both = next((cell for cell in cells if "." in cell and "," in cell), None)
     if both is not None:
         return both.rindex(",") > both.rindex(".")
@@ -224,7 +228,8 @@ def _elements(
 
 
 def _key(line: Line, columns: Columns) -> str:
-    """What all points of an element have in common: its id; else a code with a number; a point with a plain code is an element by itself."""
+    """What all points of an element have in common: its id; else a code with a number; a point with a plain code is an
+    element by itself."""
     name, code = columns.text(line, "id"), columns.text(line, "label")
     if name or NUMBERED.fullmatch(code):
         return name or code
@@ -232,7 +237,8 @@ def _key(line: Line, columns: Columns) -> str:
 
 
 def _label(line: Line, columns: Columns, name: str, options: ImportOptions, labels: Mapping[str, str]) -> str:
-    """The label of an element: what the options call its code, or its code without the number; without a code, its id's."""
+    """The label of an element: what the options call its code, or its code without the number; without a code, its
+    id's."""
     code = columns.text(line, "label") or name
     numbered = NUMBERED.fullmatch(code)
     bare = numbered["label"] if numbered else code

@@ -46,7 +46,8 @@ class FaceStrips:
 def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
     """The narrow middle of each of a plugin's views of a pass.
 
-    Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows. Its frames are at most `MOST_STRIPS` of the view's own.
+    Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows. Its frames are at most `MOST_STRIPS` of the view's
+    own.
     """
     info = probe(plan.clip.path, plan.clip.images_fps)
     frames = expected_frames(plan.clip, info)

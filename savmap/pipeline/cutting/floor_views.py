@@ -1,4 +1,5 @@
-"""Grey views of the floor in front of the face. The camera's height is measured in them (`savmap.vision.evidence.floor`)."""
+"""Grey views of the floor in front of the face. The camera's height is measured in them
+(`savmap.vision.evidence.floor`)."""
 
 from dataclasses import replace
 

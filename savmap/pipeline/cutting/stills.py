@@ -13,7 +13,8 @@ from savmap.video.reader import expected_frames, probe
 STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
 """A degree is 6 pixels, about the resolution of a panorama in a browser's window."""
 STILL_S, MOST_STILLS = 0.7, 80
-"""Interval and most stills of a pass: one every 0.7 m at a walking pace. Of these, `spaced_stills` keeps those `STILL_M` apart."""
+"""Interval and most stills of a pass: one every 0.7 m at a walking pace. Of these, `spaced_stills` keeps those
+`STILL_M` apart."""
 STILL_M = 0.8
 
 
@@ -45,7 +46,8 @@ def reduced(panorama: Panorama, height: int) -> "np.ndarray[tuple[int, ...], np.
 
 
 def spaced_stills(stills: Sequence[Still], path: Trajectory) -> tuple[Still, ...]:
-    """The stills of frames whose pose is known, without those closer than `STILL_M` to the last one kept. `path` is in metres."""
+    """The stills of frames whose pose is known, without those closer than `STILL_M` to the last one kept. `path` is in
+    metres."""
     positions = dict(zip(path.frames.tolist(), path.world_from_rig[:, :3, 3], strict=True))
     kept: list[Still] = []
     for still in stills:

@@ -20,8 +20,8 @@ TOO_FLAT = 0.1  # rays nearly along the face say little of a place on it
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """Points seen above the camera, or below it: the features, their frames (n,), the camera's positions (n, 3) m, and the slopes
-    (n, 2) of their rays: metres along x and z for each metre upwards."""
+    """Points seen above the camera, or below it: the features, their frames (n,), the camera's positions (n, 3) m, and
+    the slopes (n, 2) of their rays: metres along x and z for each metre upwards."""
 
     features: Sequence[Feature]
     frames: Ints
@@ -52,8 +52,8 @@ class Sightings:
 def sightings(
     features: Sequence[Feature], facts: RowFacts, path: Trajectory, upwards: bool, max_slope: float
 ) -> Sightings:
-    """The points whose rays rise (or, unless `upwards`, fall) with at most `max_slope` metres aside for each metre; frames that are
-    not in the path are left out."""
+    """The points whose rays rise (or, unless `upwards`, fall) with at most `max_slope` metres aside for each metre;
+    frames that are not in the path are left out."""
     world_from_rig = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     kept = [feature for feature in features if feature.frame in world_from_rig]
     poses = np.array([world_from_rig[feature.frame] for feature in kept]).reshape(-1, 4, 4)
@@ -67,8 +67,9 @@ def sightings(
 
 
 def gathering_level(seen: Sightings, above_m: tuple[float, float]) -> float:
-    """The level y, m, at which sightings of different frames fall on one another best, searched between two heights above the camera
-    (negative: below it), coarsely, then finely: of objects at one height that is not known. Paper, section III.D."""
+    """The level y, m, at which sightings of different frames fall on one another best, searched between two heights
+    above the camera (negative: below it), coarsely, then finely: of objects at one height that is not known. Paper,
+    section III.D."""
     base = float(seen.origins[:, 1].mean())
     above = np.arange(*above_m, 0.05)
     best = above[np.argmax([_gathering(seen, base + height, 0.03 * height) for height in above])]
@@ -95,8 +96,8 @@ def _gathering(seen: Sightings, level_m: float, width_m: float) -> float:
 def frames_showing(
     points: Floats, facts: RowFacts, path: Trajectory, direction: Floats, margin_px: float = 40.0
 ) -> Ints:
-    """In how many frames each of the points (n, 3) m lies inside a view of it, `margin_px` from its border, that looks within 45
-    degrees of a direction (3,) of the row's frame: how often an object that is there could have been seen."""
+    """In how many frames each of the points (n, 3) m lies inside a view of it, `margin_px` from its border, that looks
+    within 45 degrees of a direction (3,) of the row's frame: how often an object that is there could have been seen."""
     count = np.zeros(len(points), dtype=np.int64)
     for frame, pose in zip(path.frames.tolist(), path.world_from_rig, strict=True):
         inside = np.zeros(len(points), dtype=bool)
@@ -136,11 +137,13 @@ def tracks_on_floor(
 ) -> list[Track]:
     """Tracks of objects that stand on the floor, numbered along x: a track for each part of each object.
 
-    The floor is y = 0. Where nothing but this plugin gives the map's scale or height, the path is not in metres and above another level:
-    with `level_known` False the floor is the level at which the rays of different frames meet best.
+    The floor is y = 0. Where nothing but this plugin gives the map's scale or height, the path is not in metres and
+    above another level: with `level_known` False the floor is the level at which the rays of different frames meet
+    best.
 
-    The rays of the part `anchor` are put on the floor from the camera's path; those that agree in x within `same_m` are one object,
-    and the other parts belong to the anchor of their instance. Raises StructureError where none is seen in `least_frames` frames.
+    The rays of the part `anchor` are put on the floor from the camera's path; those that agree in x within `same_m` are
+    one object, and the other parts belong to the anchor of their instance. Raises StructureError where none is seen in
+    `least_frames` frames.
     """
     feet = sightings([feature for feature in features if feature.part == anchor], facts, path, False, max_slope)
     level_m = 0.0 if level_known or len(feet.frames) < least_frames else gathering_level(feet, BELOW)
@@ -156,13 +159,14 @@ def tracks_along_face(
     same: float = 0.1,
     least_frames: int = 3,
 ) -> list[Track]:
-    """Tracks of objects in one plane, the face, where nothing is known of the camera but its attitudes (n, 3, 3), world_from_rig: for
-    the plugin that locates the camera. Numbered along x, a track for each part of each object.
+    """Tracks of objects in one plane, the face, where nothing is known of the camera but its attitudes (n, 3, 3),
+    world_from_rig: for the plugin that locates the camera. Numbered along x, a track for each part of each object.
 
-    Lengths are in units of the camera's distance from the face, which is not known and must change little. Between two frames all
-    anchors move by one step; the step on which most pairs of anchors agree is taken, or, of several, the one nearest to the last. Those
-    whose place along the face, the camera's summed steps and their own bearing, agrees within `same` are one object. Each pass is
-    aligned with the first one by its first object, so all must see that. Raises StructureError where none is seen in `least_frames` frames.
+    Lengths are in units of the camera's distance from the face, which is not known and must change little. Between two
+    frames all anchors move by one step; the step on which most pairs of anchors agree is taken, or, of several, the one
+    nearest to the last. Those whose place along the face, the camera's summed steps and their own bearing, agrees
+    within `same` are one object. Each pass is aligned with the first one by its first object, so all must see that.
+    Raises StructureError where none is seen in `least_frames` frames.
     """
     placed = [(feature, _bearing(feature, facts, attitudes)) for feature in features if feature.part == anchor]
     anchors = [feature for feature, bearing in placed if bearing is not None]
@@ -182,7 +186,8 @@ def tracks_along_face(
 
 
 def _bearing(feature: Feature, facts: RowFacts, attitudes: Floats) -> float | None:
-    """How far along the face a point lies from the camera, in units of the camera's distance; None for one that is not before it."""
+    """How far along the face a point lies from the camera, in units of the camera's distance; None for one that is not
+    before it."""
     ray = attitudes[feature.frame] @ facts.views[feature.view].rig_rays(feature.pixels[0])
     return float(ray[0] / -ray[2]) if ray[2] < -TOO_FLAT else None
 

@@ -20,7 +20,8 @@ Mask = NDArray[np.bool_]
 
 
 def keys_by_object(tracks: Sequence[Track], keys: "KeySpace") -> dict[str, dict[str, int]]:
-    """The keys of each object's parts that are tracked: {"pillar 1": {"foot": key, "top": key}}; those of `point_constraints`."""
+    """The keys of each object's parts that are tracked: {"pillar 1": {"foot": key, "top": key}}; those of
+    `point_constraints`."""
     objects: dict[str, dict[str, int]] = {}
     for track, key in zip(tracks, keys.keys([track.name for track in tracks]).values(), strict=True):
         objects.setdefault(_object(track), {})[str(track.place["part"])] = key
@@ -34,8 +35,8 @@ def point_constraints(
     keys: "KeySpace",
     relations: "Iterable[Relation]" = (),
 ) -> "Constraints":
-    """A landmark for each track, observed in all its pixels, first where the rays from the path come nearest to one another. The
-    relations bind keys of `keys_by_object`."""
+    """A landmark for each track, observed in all its pixels, first where the rays from the path come nearest to one
+    another. The relations bind keys of `keys_by_object`."""
     from savmap.graph import Constraints, image_measurements, sight_lines  # gtsam takes long to import
 
     key_of = keys.keys([track.name for track in tracks])
@@ -46,8 +47,8 @@ def point_constraints(
 def point_structures(
     tracks: Sequence[Track], landmarks: "Mapping[str, Landmark]", lost_m: float, closed: bool = False
 ) -> list[Structure]:
-    """A structure for each object, "pillar 1", with a vertex for each of its tracks, joined by edges in their order, and, if `closed`,
-    the last with the first; attributes: its number and how many observations it has.
+    """A structure for each object, "pillar 1", with a vertex for each of its tracks, joined by edges in their order,
+    and, if `closed`, the last with the first; attributes: its number and how many observations it has.
 
     One with a vertex that the solve could not place within `lost_m`, one standard deviation, is left out.
     """
@@ -59,8 +60,9 @@ def point_structures(
 def with_sizes(
     structures: Sequence[Structure], solution: "Solution", plugin: str, sizes: Mapping[str, tuple[str, str, Axis]]
 ) -> list[Structure]:
-    """Structures of `point_structures` with sizes as attributes, each with its standard deviation: {"height_m": ("foot", "top", "y")} is
-    how far the top lies beyond the foot along y. Sizes between parts that one does not have are left out."""
+    """Structures of `point_structures` with sizes as attributes, each with its standard deviation: {"height_m":
+    ("foot", "top", "y")} is how far the top lies beyond the foot along y. Sizes between parts that one does not have
+    are left out."""
     return [_with_sizes(structure, solution, plugin, sizes) for structure in structures]
 
 
@@ -127,9 +129,10 @@ def score_points(
 ) -> "Score":
     """How far the objects' vertices are from the surveyed points (n, k, 3), m; empty without a survey.
 
-    Objects are matched one to one, as many as there can be whose points are all nearer than `gate_m`, then with the least sum of
-    distances. ends_x: only objects between these are asked for; others may be mapped, and are not spurious. points: what of an object
-    is compared (k, 3), if not its k vertices. asked: only these of the surveyed (n,) are asked for.
+    Objects are matched one to one, as many as there can be whose points are all nearer than `gate_m`, then with the
+    least sum of distances. ends_x: only objects between these are asked for; others may be mapped, and are not
+    spurious. points: what of an object is compared (k, 3), if not its k vertices. asked: only these of the surveyed
+    (n,) are asked for.
     """
     from savmap.geometry.matching import matched
     from savmap.types import Distances, Score  # with scipy, which only scoring needs
@@ -161,8 +164,8 @@ def _between(points: Floats, ends_x: tuple[float, float]) -> Mask:
 def draw_points(
     structures: Sequence[Structure], truth: Floats | None, deviations: Mapping[str, float], off_m: float, legend: str
 ) -> "tuple[Drawing, ...]":
-    """Objects as lines through their points, or as a point; the surveyed ones (n, k, 3) underneath, as lines, and those marked that
-    are off by more than `off_m`."""
+    """Objects as lines through their points, or as a point; the surveyed ones (n, k, 3) underneath, as lines, and those
+    marked that are off by more than `off_m`."""
     from savmap.types import Drawing  # only drawing needs it
 
     surveyed = () if truth is None else truth

@@ -29,9 +29,10 @@ def face_view_plan(
 ) -> ViewPlan:
     """One view at the face that shows all masks from their lowest to their highest row, as narrow as may be.
 
-    attitude: world_from_rig (3, 3) where an earlier plugin or map gives it; else the level direction with the largest masks. Where
-    nothing is detected, the plan has no view, and a note. finds_face: the objects make up the face, and the plugin locates the
-    camera. The plan then has the face's attitude and the direction of travel, and StructureError is raised where nothing is detected.
+    attitude: world_from_rig (3, 3) where an earlier plugin or map gives it; else the level direction with the largest
+    masks. Where nothing is detected, the plan has no view, and a note. finds_face: the objects make up the face, and
+    the plugin locates the camera. The plan then has the face's attitude and the direction of travel, and StructureError
+    is raised where nothing is detected.
     """
     try:
         face = face_at(attitude) if attitude is not None else face_with_most(pass_preview, predict, side)
@@ -58,11 +59,11 @@ def count_view_plan(
     at_least: int = 2,
     every: int = 1,
 ) -> ViewPlan:
-    """One view in a fixed direction of the building, as narrow as shows `at_least` masks whole in nearly all key frames; where no width
-    does, as of a line of light from end to end, as narrow as shows a part of one.
+    """One view in a fixed direction of the building, as narrow as shows `at_least` masks whole in nearly all key
+    frames; where no width does, as of a line of light from end to end, as narrow as shows a part of one.
 
-    world_from_view (3, 3): `UPWARDS` at the ceiling, `DOWNWARDS` at the floor; its x axis is the row's where the attitude is known, else
-    one of the building's. every: it is cut from each so many of the frames.
+    world_from_view (3, 3): `UPWARDS` at the ceiling, `DOWNWARDS` at the floor; its x axis is the row's where the
+    attitude is known, else one of the building's. every: it is cut from each so many of the frames.
     """
     rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
     yaw, pitch, roll = angles_from_rotation(rig_from_world @ world_from_view)
@@ -103,7 +104,8 @@ def touches_border(mask: Mask) -> bool:
 
 
 def upright_ends(mask: Mask) -> tuple[Floats, Floats]:
-    """Where the lower and the upper border of a mask (h, w) are in the middle of its width there: pixels (2,) each, x then y."""
+    """Where the lower and the upper border of a mask (h, w) are in the middle of its width there: pixels (2,) each, x
+    then y."""
     rows = np.flatnonzero(mask.any(axis=1))
     low, high = int(rows[-1]), int(rows[0])
     foot, top = (float(np.flatnonzero(mask[row]).mean()) for row in (low, high))

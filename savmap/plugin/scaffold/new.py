@@ -28,7 +28,8 @@ LEFT_OUT = {"__pycache__", ".pytest_cache", ".ruff_cache", ".mypy_cache"}
 
 
 def new_plugin(name: str, folder: Path | None = None, locates_camera: bool = False) -> Iterator[str]:
-    """Write the project of a plugin into a new folder (default: savmap-NAME here), whole or not at all; yields lines for the user.
+    """Write the project of a plugin into a new folder (default: savmap-NAME here), whole or not at all; yields lines
+    for the user.
 
     locates_camera: one that finds the face and locates the camera by itself, so that it can be mapped alone.
 
@@ -42,7 +43,8 @@ def new_plugin(name: str, folder: Path | None = None, locates_camera: bool = Fal
 
 
 def require_name(name: str) -> None:
-    """Raises SiteError for what cannot name a new plugin: the name goes into a Python package, site files and the map's labels."""
+    """Raises SiteError for what cannot name a new plugin: the name goes into a Python package, site files and the map's
+    labels."""
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         near = re.sub(r"[^a-z0-9]+", "_", name.lower()).lstrip("_0123456789")[:LONGEST].rstrip("_")
         hint = f", such as `{near}`" if NAME.fullmatch(near) else ""
@@ -85,7 +87,8 @@ def names_of(folder: Path) -> frozenset[str]:
 
 
 def project_files(name: str, locates_camera: bool = False) -> dict[str, bytes]:
-    """A new project's files by their paths in it; those of a plugin that locates the camera take the place of others."""
+    """A new project's files by their paths in it; those of a plugin that locates the camera take the place of
+    others."""
     folders = (TEMPLATE, LOCATES_CAMERA) if locates_camera else (TEMPLATE,)
     files = {
         renamed(str(path.relative_to(folder).as_posix()), name): renamed(

@@ -1,7 +1,8 @@
 """The network of a new plugin: a tiny ONNX file that keeps to the contract and sees whatever is painted magenta.
 
-One 1x1 convolution gives the logits of background and class. The file is put together byte by byte, so that neither onnx nor torch
-need be there: an ONNX file is a protocol buffer, whose fields are known by number (onnx.proto, opset 13, IR version 8).
+One 1x1 convolution gives the logits of background and class. The file is put together byte by byte, so that neither
+onnx nor torch need be there: an ONNX file is a protocol buffer, whose fields are known by number (onnx.proto, opset 13,
+IR version 8).
 """
 
 import json

@@ -1,4 +1,5 @@
-"""The page of a comparison: both dates of each row over one another, their orthophotos side by side, and a table of what changed."""
+"""The page of a comparison: both dates of each row over one another, their orthophotos side by side, and a table of
+what changed."""
 
 import base64
 import hashlib
@@ -42,8 +43,8 @@ STYLES: Mapping[State, str] = {"moved": "off line", "changed": "off line", "miss
 
 @dataclass(frozen=True, eq=False)
 class Dates:
-    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, and the address of the viewer's page
-    of both dates, where there is one."""
+    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, and the
+    address of the viewer's page of both dates, where there is one."""
 
     old: SiteMap
     new: SiteMap

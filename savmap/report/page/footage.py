@@ -1,4 +1,5 @@
-"""Footage with the wireframe over it, at the places of a row that deserve a look: a person can check the map there without a survey."""
+"""Footage with the wireframe over it, at the places of a row that deserve a look: a person can check the map there
+without a survey."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,7 +31,8 @@ Subject = tuple[str, Floats, frozenset[Key]]
 
 @dataclass(frozen=True)
 class FootageView:
-    """A cut-out of a frame with the map over it: what it is about, where it was taken, and the picture as a data URI."""
+    """A cut-out of a frame with the map over it: what it is about, where it was taken, and the picture as a data
+    URI."""
 
     what: str
     place: str
@@ -38,7 +40,8 @@ class FootageView:
 
 
 def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ...]:
-    """A view for each doubt that has a place, then for the structures that the fewest frames support; none without stills."""
+    """A view for each doubt that has a place, then for the structures that the fewest frames support; none without
+    stills."""
     poses = dict(zip(row.trajectory.frames.tolist(), row.trajectory.world_from_rig, strict=True))
     located = [still for still in stills if still.frame in poses]
     if not located:
@@ -98,7 +101,8 @@ def _view(panorama: Picture, world_from_rig: Floats, points: Floats, row: RowMap
 
 
 def looking_at(centre: Floats, target: Floats) -> Floats:
-    """world_from_view (3, 3) of a level view from one point (3,) towards another; straight up or down, its x axis is the row's."""
+    """world_from_view (3, 3) of a level view from one point (3,) towards another; straight up or down, its x axis is
+    the row's."""
     ahead = unit(target - centre)
     right = np.cross(ahead, [0.0, 1.0, 0.0])
     right = unit(right) if np.linalg.norm(right) > 1e-6 else np.array([1.0, 0.0, 0.0])

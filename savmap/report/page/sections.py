@@ -48,7 +48,8 @@ def section(row: Summary) -> Section:
 
 
 def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:
-    """What the reader wants to know first: of the rows, the structures, the errors (`score`: all rows'), the references, the run."""
+    """What the reader wants to know first: of the rows, the structures, the errors (`score`: all rows'), the
+    references, the run."""
     mapped = [row for row in rows if row.row]
     failed = len(rows) - len(mapped)
     doubtful, judged = sum(1 for row in mapped if row.doubts), sum(1 for row in mapped if row.row and row.row.verdict)

@@ -1,4 +1,5 @@
-"""The plan of the whole site: all rows where they stand, from above, x to the right and z down the page, in millimetres."""
+"""The plan of the whole site: all rows where they stand, from above, x to the right and z down the page, in
+millimetres."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -16,7 +17,8 @@ _TIES = {"tie": "seen from two rows", "tie off": "seen from two rows, off by mor
 
 
 def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
-    """Rows by their places in the site's frame; those without one stacked beneath; None where there is nothing to show."""
+    """Rows by their places in the site's frame; those without one stacked beneath; None where there is nothing to
+    show."""
     drawn = {row.name: row for row in rows if row.row and drawn_in(row.drawings, "plan")}
     places = {name: place for name, place in site.placements.items() if name in drawn or name in site.failed}
     if not drawn and not places:

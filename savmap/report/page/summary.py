@@ -1,4 +1,5 @@
-"""What a report is made from, and a summary of each row: its state, how much was mapped, and what of it deserves attention."""
+"""What a report is made from, and a summary of each row: its state, how much was mapped, and what of it deserves
+attention."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -31,9 +32,10 @@ OFF = ("contradicted", "left out")
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores against a
-    survey, remarks for the reader, orthophotos and stills of rows by name, the name of the viewer's page beside this one, and what changed since an
-    earlier map. `places`: by row and plugin, places between structures that have a name and sizes."""
+    """A map, what the plugins draw of each row, by name, and, where there are any, the run that made it, its scores
+    against a survey, remarks for the reader, orthophotos and stills of rows by name, the name of the viewer's page
+    beside this one, and what changed since an earlier map. `places`: by row and plugin, places between structures that
+    have a name and sizes."""
 
     site_map: SiteMap
     drawings: Mapping[str, Sequence[Drawing]]
@@ -50,8 +52,9 @@ class Report:
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one; `place`:
-    where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one; `stills`: panoramas of its frames; `places`: those between its structures."""
+    """One row of the site. `status`: mapped, kept or failed; `error`: why it failed; `row`: its map, if there is one;
+    `place`: where it stands in the site's frame, where that is known; `photo`: its orthophoto, if there is one;
+    `stills`: panoramas of its frames; `places`: those between its structures."""
 
     name: str
     anchor: str

@@ -1,4 +1,5 @@
-"""Tables of the page as records (cells with their text and what they are sorted by), and the tables of rows, footage, openings and references."""
+"""Tables of the page as records (cells with their text and what they are sorted by), and the tables of rows, footage,
+openings and references."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,8 +26,8 @@ class Part:
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell: its text, the number it is sorted by (its text where there is none), a style, a link, a smaller text behind it, and a bar or a small
-    histogram (heights 0..1) instead of the text."""
+    """A cell: its text, the number it is sorted by (its text where there is none), a style, a link, a smaller text
+    behind it, and a bar or a small histogram (heights 0..1) instead of the text."""
 
     text: str
     value: float | None = None
@@ -106,14 +107,16 @@ def row_table(rows: Sequence[Summary]) -> Table:
 
 
 def footage_table(rows: Sequence[Summary]) -> Table:
-    """A line for each pass of each row: its file, the size of its pictures, how many frames were used and read, and of which time of the video."""
+    """A line for each pass of each row: its file, the size of its pictures, how many frames were used and read, and of
+    which time of the video."""
     names = ("row", "'pass", "'file", "'pictures, px", "frames used", "frames read", "from, s", "to, s", "length, s")
     lines = tuple(line for row in rows if row.row for line in _pass_lines(row, row.row))
     return Table("footage-table", "Footage; times are those of the file", heads(*names), lines)
 
 
 def openings_table(row: Summary) -> Table | None:
-    """A line for each place of a row that has sizes, such as a bay, with a column for each part of it, such as a level; None where there is none."""
+    """A line for each place of a row that has sizes, such as a bay, with a column for each part of it, such as a level;
+    None where there is none."""
     parts: dict[str, dict[str, Structure]] = {}
     for place in row.places:
         whole, _, part = place.id.partition(PART)

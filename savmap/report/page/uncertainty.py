@@ -21,8 +21,9 @@ def hints(row: Summary) -> Mapping[str, str]:
 
 
 def sigma_table(rows: Sequence[Summary]) -> Table:
-    """By label and what is measured (sizes; vertices where a structure has none): how many, median, 95th percentile, largest, and a
-    histogram on a logarithmic scale. What is assumed was not measured: it is counted and left out of all of them."""
+    """By label and what is measured (sizes; vertices where a structure has none): how many, median, 95th percentile,
+    largest, and a histogram on a logarithmic scale. What is assumed was not measured: it is counted and left out of all
+    of them."""
     by_name: dict[str, list[float]] = {}
     left_out = 0
     for row in rows:

@@ -1,4 +1,5 @@
-"""The viewer: `view.html`, a map that is looked at, searched and measured in a browser, without a network or a server."""
+"""The viewer: `view.html`, a map that is looked at, searched and measured in a browser, without a network or a
+server."""
 
 from savmap.report.viewer.dates import Before as Before
 from savmap.report.viewer.page import Origin as Origin

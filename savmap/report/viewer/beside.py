@@ -1,5 +1,6 @@
-"""What lies beside `view.html`: scripts that hand over a text, pictures as data URIs and covariances as base64, because a page opened from a
-disk may run scripts that lie beside it, and may neither read what lies there nor draw pictures from there into WebGL."""
+"""What lies beside `view.html`: scripts that hand over a text, pictures as data URIs and covariances as base64, because
+a page opened from a disk may run scripts that lie beside it, and may neither read what lies there nor draw pictures
+from there into WebGL."""
 
 import base64
 import hashlib
@@ -43,8 +44,8 @@ def joints_apart(rows: Mapping[str, RowMap]) -> bool:
 
 
 def script_names(rows: Iterable[str]) -> dict[str, str]:
-    """By row, what its scripts are called: as the row, and with a mark of their own where rows differ in nothing but letters' case, for many
-    disks are blind to that. `!` is in no row's `file_name`."""
+    """By row, what its scripts are called: as the row, and with a mark of their own where rows differ in nothing but
+    letters' case, for many disks are blind to that. `!` is in no row's `file_name`."""
     names: dict[str, str] = {}
     taken: set[str] = set()
     for row in sorted(rows):
@@ -58,8 +59,8 @@ def script_names(rows: Iterable[str]) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What of a row lies beside the page: its orthophoto, stills (None: those that lie there), and a joint covariance that is too large for
-    the page."""
+    """What of a row lies beside the page: its orthophoto, stills (None: those that lie there), and a joint covariance
+    that is too large for the page."""
 
     photo: Orthophoto | None = None
     stills: Sequence[Still] | None = None
@@ -81,8 +82,8 @@ def written_beside(name: str, row: Beside, folder: Path) -> Entry:
 
 
 def old_beside(name: str, photo: Orthophoto | None, source: Path | None, folder: Path) -> Entry:
-    """Write the scripts of a row's earlier date, called `name`: its orthophoto, and copies of the stills that lie beside the earlier map's page,
-    in `source`; what the page must know of them. Raises OutputError."""
+    """Write the scripts of a row's earlier date, called `name`: its orthophoto, and copies of the stills that lie
+    beside the earlier map's page, in `source`; what the page must know of them. Raises OutputError."""
     face = _written_face(name, photo, (OLD_SMALL, OLD_FACES), folder) if photo else None
     stills = []
     for frame in _kept_frames(name, source) if source and source.resolve() != folder.resolve() else ():
@@ -104,8 +105,8 @@ def _content_of(path: str, folder: Path) -> str | None:
 
 
 def remove_others(beside: Iterable[Entry], folder: Path, with_stills: bool) -> None:
-    """Take away the scripts of earlier maps that a page does not load, of rows that are gone too. `with_stills`: also stills, which cannot be
-    made again from a map. What savmap did not write stays."""
+    """Take away the scripts of earlier maps that a page does not load, of rows that are gone too. `with_stills`: also
+    stills, which cannot be made again from a map. What savmap did not write stays."""
     kept: set[str] = set()
     for entry in beside:
         faces = (entry["face"], entry.get("old face"))

@@ -124,8 +124,8 @@ def _frames(row: RowMap) -> Entry:
 
 
 def _joint(row: RowMap, path: str) -> Entry | None:
-    """Which coordinates, in the order of `positions`, share errors, -1 for those that share none; their covariance is in the page, or, where a
-    path is given, in a script beside it."""
+    """Which coordinates, in the order of `positions`, share errors, -1 for those that share none; their covariance is
+    in the page, or, where a path is given, in a script beside it."""
     if row.joint is None:
         return None
     numbers = [

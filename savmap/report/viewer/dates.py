@@ -1,4 +1,5 @@
-"""An earlier date under a map in the viewer: its elements in the new rows' frames, what changed, and its orthophotos."""
+"""An earlier date under a map in the viewer: its elements in the new rows' frames, what changed, and its
+orthophotos."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,8 +15,8 @@ from savmap.types import Floats, Orthophoto, RowMap, SiteMap, Structure
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """An earlier map of the same place, what changed since then, its orthophotos by row, where there are any, and the folder in which its own
-    page would lie, for its panoramas."""
+    """An earlier map of the same place, what changed since then, its orthophotos by row, where there are any, and the
+    folder in which its own page would lie, for its panoramas."""
 
     site_map: SiteMap
     comparison: Comparison
@@ -28,7 +29,8 @@ class Before:
         return tuple(self.site_map.rows[name] for name in self.comparison.missing)
 
     def is_shown(self, name: str) -> bool:
-        """Whether it is known how the earlier date of a row lies: in the new row, or, of one that is gone, by itself."""
+        """Whether it is known how the earlier date of a row lies: in the new row, or, of one that is gone, by
+        itself."""
         row = self.row(name)
         return name in self.comparison.missing or (row is not None and row.motion is not None)
 
@@ -54,7 +56,8 @@ def site_entry(before: Before | None) -> Entry | None:
 
 
 def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry | None:
-    """The earlier date of a row, in the new one's frame; None where there is none. `lies`: what lies beside the page, "old face" in its own frame."""
+    """The earlier date of a row, in the new one's frame; None where there is none. `lies`: what lies beside the page,
+    "old face" in its own frame."""
     compared = before.row(row.name)
     if compared is None or compared.motion is None:
         return None
@@ -77,7 +80,8 @@ def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry
 
 
 def gone_entry(row: RowMap, labels: Labels, lies: Entry) -> Entry:
-    """The earlier date of a row that only the earlier map has, in its own frame: nothing of it was compared with anything."""
+    """The earlier date of a row that only the earlier map has, in its own frame: nothing of it was compared with
+    anything."""
     poses = row.trajectory.world_from_rig
     return {
         **vertex_entry(row.structures),
@@ -91,7 +95,8 @@ def gone_entry(row: RowMap, labels: Labels, lies: Entry) -> Entry:
 
 
 def _stills(row: RowMap, lies: Entry, centres: Floats, turns: Floats) -> Entry:
-    """The earlier panoramas, and of the camera's path the places from which they were taken, (n, 3) m and (n, 3, 3), in the frame that is shown."""
+    """The earlier panoramas, and of the camera's path the places from which they were taken, (n, 3) m and (n, 3, 3), in
+    the frame that is shown."""
     stills = lies.get("old stills", [])
     kept = np.isin(row.trajectory.frames, [one["frame"] for one in stills])
     return {"stills": stills, "frames": path_entry(row, centres, turns, kept)}

@@ -7,8 +7,9 @@ from savmap.types import Floats, Placement, SiteMap
 
 
 def old_place(before: Before, site_map: SiteMap, name: str) -> Placement | None:
-    """Of a row of the earlier map: carried as the nearest row is that has its place on both dates. None where none has, or the row itself has
-    no place. `covariance` is the earlier map's: how well the dates' sites lie on one another is not in it."""
+    """Of a row of the earlier map: carried as the nearest row is that has its place on both dates. None where none has,
+    or the row itself has no place. `covariance` is the earlier map's: how well the dates' sites lie on one another is
+    not in it."""
     places = before.site_map.placements
     own = places.get(name)
     both = [

@@ -27,7 +27,8 @@ FRAME_PX = 640
 
 @dataclass(eq=False)
 class MapView:
-    """The viewer's page of a map, and whether it was written now. A notebook shows it in a frame, which its kernel serves to this machine alone."""
+    """The viewer's page of a map, and whether it was written now. A notebook shows it in a frame, which its kernel
+    serves to this machine alone."""
 
     page: Path
     written: bool = False
@@ -64,7 +65,8 @@ def in_notebook() -> bool:
 
 
 def map_html(site_map: SiteMap) -> str:
-    """A map as HTML that needs nothing else and runs no script: what must be checked, a line for each row, and the rows' faces, as many as fit."""
+    """A map as HTML that needs nothing else and runs no script: what must be checked, a line for each row, and the
+    rows' faces, as many as fit."""
     drawings, missing = _drawings(site_map)
     rows = summaries(Report(site_map, drawings))
     faces = dict(_faces(rows))

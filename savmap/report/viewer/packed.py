@@ -1,4 +1,5 @@
-"""Structures as the viewer's page holds them: coordinates as whole numbers, covariances to so many digits, everything else as it is."""
+"""Structures as the viewer's page holds them: coordinates as whole numbers, covariances to so many digits, everything
+else as it is."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -35,7 +36,8 @@ def vertex_entry(structures: Mapping[str, Sequence[Structure]]) -> Entry:
 
 
 def path_entry(row: RowMap, centres: Floats, turns: Floats, kept: Bools) -> Entry:
-    """The camera's path, or what of it is kept (n,), in order: frames whose pose is known, with their places `centres` (n, 3) m and `turns` (n, 3, 3)."""
+    """The camera's path, or what of it is kept (n,), in order: frames whose pose is known, with their places `centres`
+    (n, 3) m and `turns` (n, 3, 3)."""
     frames, names = row.trajectory.frames[kept], list(dict.fromkeys(row.frames.passes))
     quaternions = Rotation.from_matrix(turns[kept]).as_quat() if len(frames) else np.zeros((0, 4))
     return {
@@ -51,7 +53,8 @@ def path_entry(row: RowMap, centres: Floats, turns: Floats, kept: Bools) -> Entr
 def structure_entries(
     row: RowMap, labels: Labels, deviations: Callable[[str], Mapping[str, float]] = lambda plugin: {}
 ) -> list[Entry]:
-    """All else of a row's structures, in the order of their vertices. `deviations`: by id, how far a plugin's are off the survey, m."""
+    """All else of a row's structures, in the order of their vertices. `deviations`: by id, how far a plugin's are off
+    the survey, m."""
     return [
         _structure(plugin, structure, labels, deviations(plugin))
         | {"assumed": np.flatnonzero(assumed_coordinates(row, plugin, structure)).tolist()}
@@ -61,7 +64,8 @@ def structure_entries(
 
 
 def place_entries(places: Mapping[str, Sequence[Structure]]) -> list[Entry]:
-    """A row's places, each with its two corners and its sizes: of a part of a place, such as "bay 2 / level 1", those that the whole has not."""
+    """A row's places, each with its two corners and its sizes: of a part of a place, such as "bay 2 / level 1", those
+    that the whole has not."""
     known = {(plugin, place.id): _sizes(place) for plugin, group in places.items() for place in group}
     corners = {
         (plugin, place.id): [place.vertices.min(axis=0), place.vertices.max(axis=0)]

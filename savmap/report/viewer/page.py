@@ -39,14 +39,16 @@ HEAD = 4096
 
 @dataclass(frozen=True)
 class Origin:
-    """The files that a page is made of: SHA-256 of the map's, of the survey's and of the earlier map's; empty for none, or where nobody told."""
+    """The files that a page is made of: SHA-256 of the map's, of the survey's and of the earlier map's; empty for none,
+    or where nobody told."""
 
     map_digest: str = ""
     survey_digest: str = ""
     against_digest: str = ""
 
     def is_of(self, page: Path) -> bool:
-        """Whether a page was made of this map by this viewer, and, where there are any here, with this survey and this earlier map."""
+        """Whether a page was made of this map by this viewer, and, where there are any here, with this survey and this
+        earlier map."""
         try:
             with page.open("rb") as stream:
                 found = ORIGIN.search(stream.read(HEAD))
@@ -64,9 +66,10 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What the viewer shows: a map, its scores where there is a survey, and by row its orthophoto and stills, where there are any; None for
-    the stills that lie where the page is written. `before`: an earlier date to show with it. `places`: by row and plugin, places between structures that
-    have a name, such as what lies between two of them, whose sizes are shown."""
+    """What the viewer shows: a map, its scores where there is a survey, and by row its orthophoto and stills, where
+    there are any; None for the stills that lie where the page is written. `before`: an earlier date to show with it.
+    `places`: by row and plugin, places between structures that have a name, such as what lies between two of them,
+    whose sizes are shown."""
 
     site_map: SiteMap
     evaluation: Evaluation | None = None

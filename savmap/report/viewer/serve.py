@@ -18,8 +18,8 @@ FOREIGN = ("cross-site", "same-site")
 
 
 class ViewServer:
-    """Serves a page on a port of the loopback device; 0 for one that is free. A frame of another page, such as a notebook, shows it where that knows
-    the key of `frame_address`. Raises OutputError where the port is taken."""
+    """Serves a page on a port of the loopback device; 0 for one that is free. A frame of another page, such as a
+    notebook, shows it where that knows the key of `frame_address`. Raises OutputError where the port is taken."""
 
     def __init__(self, page: Path, port: int = 0) -> None:
         self._key = secrets.token_urlsafe(16)
@@ -70,7 +70,8 @@ class _Handler(SimpleHTTPRequestHandler):
         super().__init__(*args, directory=str(page.parent))  # type: ignore[arg-type]  # socketserver's own three
 
     def send_head(self) -> object:  # type: ignore[override]
-        """Refuse other hosts' names (a web site may have its name point here), other sites' pages, and files that are no part of the viewer."""
+        """Refuse other hosts' names (a web site may have its name point here), other sites' pages, and files that are
+        no part of the viewer."""
         refused = self._refused()
         if refused is None:
             try:

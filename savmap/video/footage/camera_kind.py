@@ -1,8 +1,9 @@
 """What kind of pictures these are: one whole panorama each, or something else that is twice as wide as high.
 
-In an equirectangular panorama the left and right edges are neighbours, and the top and bottom rows are one point each. Two eyes beside
-or above one another are alike, patch by patch, but for their parallax; two fisheye circles leave black corners. Measured on stored and
-simulated footage: halves of panoramas correlate by 0.67 at most, those of stereo by 0.94 or more.
+In an equirectangular panorama the left and right edges are neighbours, and the top and bottom rows are one point each.
+Two eyes beside or above one another are alike, patch by patch, but for their parallax; two fisheye circles leave black
+corners. Measured on stored and simulated footage: halves of panoramas correlate by 0.67 at most, those of stereo by
+0.94 or more.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -22,7 +23,8 @@ APART = (40, 70, 100, 128)
 """Columns so far apart have little in common."""
 BROKEN, UNLIKE, LEAST_CONTRAST = 0.6, 0.35, 5.0
 SURELY_BROKEN, SURELY_UNLIKE = 0.85, 0.2
-"""Panoramas of rendered and real clips have steps of 0.3 at most between their edges, which are alike by 0.5 at least; of parts of panoramas, 0.99 and 0.11."""
+"""Panoramas of rendered and real clips have steps of 0.3 at most between their edges, which are alike by 0.5 at least;
+of parts of panoramas, 0.99 and 0.11."""
 SMOOTH_PX = 6.0
 UNEVEN, EVEN = 0.5, 0.3
 BLACK, BLACK_SHARE = 8.0, 0.15
@@ -33,8 +35,8 @@ Grey = NDArray[np.float32]
 
 
 def kind_of(keys: Sequence[Panorama]) -> tuple[str, tuple[Doubt, ...]]:
-    """What the pictures of a pass seem to be where they are certainly no panoramas, and what to do ("" where they may be some), and
-    the doubts where it is not certain."""
+    """What the pictures of a pass seem to be where they are certainly no panoramas, and what to do ("" where they may
+    be some), and the doubts where it is not certain."""
     pictures = [np.asarray(small_grey(panorama, WIDTH), np.float32) for panorama in keys]
     found = next(_refusals(pictures), "")
     return (found, ()) if found else ("", tuple(_doubts(pictures)))
@@ -82,7 +84,8 @@ def fisheyes(picture: Grey) -> float:
 
 
 def beside(picture: Grey) -> float:
-    """How alike the left and right halves are: the usual correlation of a patch with the best place near its own in the other half."""
+    """How alike the left and right halves are: the usual correlation of a patch with the best place near its own in the
+    other half."""
     return _likeness(picture[:, : WIDTH // 2], picture[:, WIDTH // 2 :])
 
 
@@ -136,8 +139,8 @@ def _quick(column: Grey) -> Grey:
 
 
 def unevenness(picture: Grey) -> float:
-    """How much the more even of the top and the bottom row changes from column to column, over what is usual between them; a few
-    steps, as at the seams of lenses that were exposed differently, do not count."""
+    """How much the more even of the top and the bottom row changes from column to column, over what is usual between
+    them; a few steps, as at the seams of lenses that were exposed differently, do not count."""
     smooth = cv2.GaussianBlur(picture, (13, 1), sigmaX=2.0, sigmaY=1)
     changes = np.sort(np.abs(np.diff(smooth, axis=1)), axis=1)[:, : -WIDTH // 10].mean(axis=1)
     usual = float(np.median(changes[HEIGHT // 4 : -HEIGHT // 4]))

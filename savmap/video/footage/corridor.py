@@ -1,8 +1,9 @@
 """Motion between two panoramas: how fast the rig turns, which way it goes, and how fast both sides pass.
 
-Apparent motion of a strip around the horizon (dense inverse search: Kroeger et al. 2016; OpenCV's), as one rate for each
-bearing. Turning shifts all bearings alike; going along shifts the two sides apart, in front, and together again, behind: by
-speed over distance at right angles to the way, less ahead and behind. Points above one another on an upright face move alike.
+Apparent motion of a strip around the horizon (dense inverse search: Kroeger et al. 2016; OpenCV's), as one rate for
+each bearing. Turning shifts all bearings alike; going along shifts the two sides apart, in front, and together again,
+behind: by speed over distance at right angles to the way, less ahead and behind. Points above one another on an upright
+face move alike.
 """
 
 from dataclasses import dataclass
@@ -37,9 +38,9 @@ class FramePair:
 @array_record
 class Motion:
     """At `stamp_s`: `turn` of the rig to the right, deg/s; `way`, the bearing it goes in, degrees to the right of the
-    panorama's centre; `sides`, apparent speed at right angles to the way, left and right, deg/s; `misfit` of these three,
-    deg/s; `rates` (BEARINGS,), apparent motion to the right, deg/s; `texture` (BEARINGS,), how much there is to see, 0 for
-    a bare wall."""
+    panorama's centre; `sides`, apparent speed at right angles to the way, left and right, deg/s; `misfit` of these
+    three, deg/s; `rates` (BEARINGS,), apparent motion to the right, deg/s; `texture` (BEARINGS,), how much there is to
+    see, 0 for a bare wall."""
 
     stamp_s: float
     turn: float
@@ -53,8 +54,8 @@ class Motion:
 @dataclass(frozen=True, eq=False)
 @array_record
 class StripFlow:
-    """The strip around the horizon of a pair's pictures, with `PAD` columns of its other end at each end: `first`, `second` (h, w + 2
-    PAD) uint8, and where each pixel of the first goes, `flow` (h, w + 2 PAD, 2) px."""
+    """The strip around the horizon of a pair's pictures, with `PAD` columns of its other end at each end: `first`,
+    `second` (h, w + 2 PAD) uint8, and where each pixel of the first goes, `flow` (h, w + 2 PAD, 2) px."""
 
     first: NDArray[np.uint8]
     second: NDArray[np.uint8]
@@ -100,7 +101,8 @@ def bearings() -> Floats:
 
 
 def _rates(pair: FramePair, strip: StripFlow) -> tuple[Floats, Floats]:
-    """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture (BEARINGS,)."""
+    """Apparent motion to the right (BEARINGS,) deg/s, medians over the strip's textured pixels, and its texture
+    (BEARINGS,)."""
     width, first = pair.first.shape[1], strip.first
     across = strip.flow[:, PAD : PAD + width, 0]
     upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, PAD : PAD + width]) / 8 for x in (1, 0))

@@ -1,4 +1,5 @@
-"""What speaks against a pass by how the camera went: there and back, cuts, missing frames, turns, and a face on the wrong hand."""
+"""What speaks against a pass by how the camera went: there and back, cuts, missing frames, turns, and a face on the
+wrong hand."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ BETWEEN = "what lies between may be missing, or counted wrongly"
 @dataclass(frozen=True, eq=False)
 @array_record
 class Course:
-    """The `steps` of a pass along a face whose +x lay `way_deg` to the right of the panorama's centre at first; None: not known."""
+    """The `steps` of a pass along a face whose +x lay `way_deg` to the right of the panorama's centre at first; None:
+    not known."""
 
     steps: Steps
     way_deg: float | None
@@ -61,7 +63,8 @@ class Course:
 
     @property
     def towards(self) -> int:
-        """+1 where most of the course goes towards the face's +x, -1 where it goes away from it; 0 where that is not clear."""
+        """+1 where most of the course goes towards the face's +x, -1 where it goes away from it; 0 where that is not
+        clear."""
         whole = float(np.abs(self.swept).sum())
         return int(np.sign(self.swept.sum())) if abs(self.swept.sum()) > ONE_WAY * whole > 0 else 0
 
@@ -99,7 +102,8 @@ def doubts(course: Course) -> Iterator[Doubt]:
 
 
 def _breaks(course: Course) -> Iterator[Doubt]:
-    """Cuts, and frames that are missing. Cuts soon after one another are told as one: a camera in somebody's hands, or covered."""
+    """Cuts, and frames that are missing. Cuts soon after one another are told as one: a camera in somebody's hands, or
+    covered."""
     spans = course.steps.spans_s
     long = spans > GAP_STEPS * float(np.median(spans))
     far = spans * course.usual > GAP_DEG
@@ -144,8 +148,8 @@ def _close(flags: Bools, apart: int) -> list[tuple[int, int]]:
 
 
 def _back(course: Course) -> list[tuple[int, float]]:
-    """Runs of steps against the way of most, or of the first half where neither way is most: the first step, and how far each goes,
-    negative degrees of what is abeam."""
+    """Runs of steps against the way of most, or of the first half where neither way is most: the first step, and how
+    far each goes, negative degrees of what is abeam."""
     most = course.towards or int(np.sign(course.swept[: len(course.swept) // 2].sum())) or 1
     against = most * course.pace < -max(BACK_PACE * course.usual, LEAST_RATE)
     found = [(first, float(most * course.swept[first : last + 1].sum())) for first, last in _runs(against, BACK_STEPS)]

@@ -8,7 +8,8 @@ from savmap.types import Panorama
 from savmap.types.planes import FilmedPanorama
 
 FINE = 8
-"""A picture so many times wider than its copy is thinned out before it is averaged: that is as good, and does not read all of it."""
+"""A picture so many times wider than its copy is thinned out before it is averaged: that is as good, and does not read
+all of it."""
 
 
 def small_grey(panorama: Panorama, width: int) -> NDArray[np.uint8]:

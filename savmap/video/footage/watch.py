@@ -1,4 +1,5 @@
-"""How the camera went in a pass, from small grey copies of its panoramas: motion and likeness from each frame to the next.
+"""How the camera went in a pass, from small grey copies of its panoramas: motion and likeness from each frame to the
+next.
 
 It costs 5 ms of processor time a frame, one hundredth of what measuring in a frame costs.
 """
@@ -22,8 +23,8 @@ DARKEST_SPREAD = 2.0
 @dataclass(frozen=True, eq=False)
 @array_record
 class Steps:
-    """The steps from each of n + 1 frames to the next: their times (n + 1,) s, the motions n, and how alike the two pictures of a
-    step are (n,), 0 to 1, once the motion is allowed for."""
+    """The steps from each of n + 1 frames to the next: their times (n + 1,) s, the motions n, and how alike the two
+    pictures of a step are (n,), 0 to 1, once the motion is allowed for."""
 
     stamps_s: Floats
     motions: tuple[Motion, ...]
@@ -42,8 +43,8 @@ class Steps:
         return half
 
     def pace(self, way_deg: float) -> Floats:
-        """How fast both sides pass (n,), deg/s, where the camera goes in the direction that was `way_deg` to the right of the panorama's
-        centre at the first frame; negative where it goes the other way."""
+        """How fast both sides pass (n,), deg/s, where the camera goes in the direction that was `way_deg` to the right
+        of the panorama's centre at the first frame; negative where it goes the other way."""
         ways = way_deg - self.heading_deg
         fitted = [refitted(motion.rates, way) for motion, way in zip(self.motions, ways.tolist(), strict=True)]
         return np.array([(left + right) / 2 for _, left, right in fitted])
@@ -110,7 +111,8 @@ def exposed_as(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[
 
 
 def likeness(strip: StripFlow) -> float:
-    """The correlation of the details of the first picture with those that its pixels go to in the second; 1 where there are none."""
+    """The correlation of the details of the first picture with those that its pixels go to in the second; 1 where there
+    are none."""
     y, x = np.mgrid[0 : strip.first.shape[0], 0 : strip.first.shape[1]].astype(np.float32)
     moved = cv2.remap(strip.second.astype(np.float32), x + strip.flow[..., 0], y + strip.flow[..., 1], cv2.INTER_LINEAR)
     a, b = (_detail(np.asarray(picture, np.float32))[:, PAD:-PAD] for picture in (strip.first, moved))

@@ -1,7 +1,7 @@
 """From masks of long thin objects to sub-pixel points on their two borders.
 
-All functions expect objects that lie, from column to column: for objects that stand, give transposed arrays. The "upper" and the
-"lower" border are those at the smaller and the larger row.
+All functions expect objects that lie, from column to column: for objects that stand, give transposed arrays. The
+"upper" and the "lower" border are those at the smaller and the larger row.
 """
 
 from collections.abc import Sequence
@@ -78,8 +78,8 @@ def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> By
 def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints]:
     """The runs down the columns of a mask (h, w), and the connected region (n,), from 1, that each is part of.
 
-    Regions of fewer than `least_px` columns are left out, and so are runs that bridge objects: those more than `most_thick`
-    times as thick as their region's median.
+    Regions of fewer than `least_px` columns are left out, and so are runs that bridge objects: those more than
+    `most_thick` times as thick as their region's median.
     """
     long = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), dtype=np.uint8)), dtype=np.uint8)
     runs = runs_of(long)
@@ -120,8 +120,8 @@ def enveloped(runs: Runs, part: Ints) -> tuple[Runs, Ints]:
 def border_points(runs: Runs, probability: Probability) -> tuple[Floats, Floats]:
     """Rows (n,) of the upper and of the lower border of each run.
 
-    A border is where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the mask's
-    own border if that does not happen within a few pixels; nan where the picture's border cuts the run.
+    A border is where the probability (h, w) passes 0.5, by linear interpolation, nearest to the mask's border; the
+    mask's own border if that does not happen within a few pixels; nan where the picture's border cuts the run.
     """
     height = probability.shape[0]
     upper = np.where(runs.first > 0, _passes(runs.column, runs.first, -1, probability), np.nan)

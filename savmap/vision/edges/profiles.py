@@ -1,7 +1,7 @@
 """Grey profiles across straight edges, sampled from a panorama at its own resolution.
 
-An edge is cut into short pieces; each is averaged along its length and sampled across, along short normals only. No view
-is rendered for this.
+An edge is cut into short pieces; each is averaged along its length and sampled across, along short normals only. No
+view is rendered for this.
 """
 
 from collections.abc import Sequence
@@ -39,7 +39,8 @@ RADIANCE = _radiance()
 @dataclass(frozen=True, eq=False)
 @array_record
 class Pieces:
-    """Short pieces of edges, in view pixels: the number of its edge (n,), from 0; middle u and v (n,), slope (n,), half length (n,). `stands`: u is the row and v the column, else u is the column."""
+    """Short pieces of edges, in view pixels: the number of its edge (n,), from 0; middle u and v (n,), slope (n,), half
+    length (n,). `stands`: u is the row and v the column, else u is the column."""
 
     edge: Ints
     u: Floats
@@ -52,8 +53,8 @@ class Pieces:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Profiles:
-    """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart, the
-    edge in the middle; and how many panorama pixels one view pixel across is (n,).
+    """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart,
+    the edge in the middle; and how many panorama pixels one view pixel across is (n,).
 
     Lenses and pixels mix radiance, not grey values: across a blurred edge, grey values are not symmetric, radiance is.
     """
@@ -86,7 +87,8 @@ def pieces_of(lines: Lines, first: Floats, last: Floats, stands: bool, length_px
 def profiles_of(
     panorama: Panorama, spec: ViewSpec, groups: Sequence[Pieces], reach_px: float, least: float
 ) -> list[Profiles]:
-    """Profiles across each group's pieces (n >= 1), `reach_px` view pixels to either side but `least` panorama pixels anyhow.
+    """Profiles across each group's pieces (n >= 1), `reach_px` view pixels to either side but `least` panorama pixels
+    anyhow.
 
     The part of the panorama that they all lie in is decoded once.
     """
@@ -101,8 +103,8 @@ def profiles_of(
 @dataclass(frozen=True, eq=False)
 @array_record
 class _Patches:
-    """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows` along
-    the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
+    """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows`
+    along the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
 
     nodes: Singles
     basis: Singles
@@ -111,8 +113,8 @@ class _Patches:
 
     @property
     def extent(self) -> tuple[Singles, Singles]:
-        """Least and largest pixels (2,), no less than samples reach: parabolas through three nodes each way leave half the nodes'
-        range by a quarter of it at most (Lebesgue's constant is 5/4)."""
+        """Least and largest pixels (2,), no less than samples reach: parabolas through three nodes each way leave half
+        the nodes' range by a quarter of it at most (Lebesgue's constant is 5/4)."""
         low, high = self.nodes.min(axis=-1), self.nodes.max(axis=-1)
         beyond = (high - low) * (LEBESGUE - 1) / 2
         return (low - beyond).min(axis=-1), (high + beyond).max(axis=-1)

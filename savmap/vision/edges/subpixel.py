@@ -1,12 +1,12 @@
 """Straight edges to a small part of a pixel, measured in the panorama (no view is rendered for this).
 
-A mask gives an object and roughly its place. Each edge of the mask is cut into short pieces, and the profile of radiance across a
-piece gives the places where radiance changes most. The edge is the straight line that most pieces agree on; its variance is how well
-they agree. Pieces hidden by something else agree with no line and are left out.
+A mask gives an object and roughly its place. Each edge of the mask is cut into short pieces, and the profile of
+radiance across a piece gives the places where radiance changes most. The edge is the straight line that most pieces
+agree on; its variance is how well they agree. Pieces hidden by something else agree with no line and are left out.
 
-Where a side face of the object may be visible beyond its edge ("flank"), two lines run side by side: front against side face, and side
-face against the background. The inner one is the edge of the front. A change between two faces of the same paint may be faint, but it
-has one sign all along.
+Where a side face of the object may be visible beyond its edge ("flank"), two lines run side by side: front against side
+face, and side face against the background. The inner one is the edge of the front. A change between two faces of the
+same paint may be faint, but it has one sign all along.
 """
 
 from collections.abc import Sequence
@@ -26,10 +26,12 @@ class Subpixel:
     - `reach_px`: how far from the mask's edge to look; `prior_px`: how far off the mask's edge usually is (sigma),
       and `flanked_bias_px`: how far too far outside if it is flanked.
     - `piece_px`: least and greatest length of a piece; `end_trim_px`: what is left out at either end.
-    - `least_contrast`: changes of less grey levels a panorama pixel are none; `full_contrast`: stronger ones count alike.
+    - `least_contrast`: changes of less grey levels a panorama pixel are none; `full_contrast`: stronger ones count
+    alike.
     - `least_support`: support that the chosen line must have, of 1, and `clear`: how many times that of any other line.
     - `least_share`, `least_pieces`: share and number of the pieces that must agree with it.
-    - `inner`: share of the best line's support that a line further inside needs to be taken for the front's edge, and how
+    - `inner`: share of the best line's support that a line further inside needs to be taken for the front's edge, and
+    how
       far inside it may be, as a share of the object's thickness; `patterned_inner`: of objects with a pattern.
     - `depth`: how deep objects are, as a multiple of their thickness; flanks that appear wider than `resolved` panorama
       pixels are told from the front; narrow ones blur the edge by `unresolved` of their width.
@@ -76,10 +78,10 @@ LEAST_SIGMA, MOST_SIGMA = 0.06, 0.4
 @dataclass(frozen=True, eq=False)
 @array_record
 class Edges:
-    """g edges of masks: lines v(u) in view pixels; `first` and `last` u (g,) of the mask; `inside` (g,): +1 where the object lies at
-    larger v, -1 at smaller; its `thickness` (g,) in pixels; `flank` (g,), the tangent of the angle at which its side face is visible
-    beyond the edge, 0 where it is not; `stands`: u is the row and v the column; `patterned`: objects have a pattern along them, such
-    as rows of holes.
+    """g edges of masks: lines v(u) in view pixels; `first` and `last` u (g,) of the mask; `inside` (g,): +1 where the
+    object lies at larger v, -1 at smaller; its `thickness` (g,) in pixels; `flank` (g,), the tangent of the angle at
+    which its side face is visible beyond the edge, 0 where it is not; `stands`: u is the row and v the column;
+    `patterned`: objects have a pattern along them, such as rows of holes.
     """
 
     lines: Lines
@@ -105,8 +107,9 @@ class Edges:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Changes:
-    """Where radiance changes most across pieces (m,): the edge, how far along it (-1..1 from end to end), how far inwards of
-    the mask's edge, view pixels; the change going inwards, grey levels a panorama pixel; panorama pixels a view pixel."""
+    """Where radiance changes most across pieces (m,): the edge, how far along it (-1..1 from end to end), how far
+    inwards of the mask's edge, view pixels; the change going inwards, grey levels a panorama pixel; panorama pixels a
+    view pixel."""
 
     edge: Ints
     along: Floats
@@ -190,7 +193,8 @@ def _derivative(values: Singles) -> Singles:
 def _chosen(
     changes: Changes, edges: Edges, scale: Floats, numbers: Ints, settings: Subpixel
 ) -> tuple[Floats, Floats, Bools]:
-    """How far inwards (g,) of the mask's edge the best line is, its shift (g,) at the end, and whether it stands out."""
+    """How far inwards (g,) of the mask's edge the best line is, its shift (g,) at the end, and whether it stands
+    out."""
     size = BIN / float(np.median(scale))
     half = int(np.ceil((settings.reach_px + SHIFTS[-1]) / size))
     inwards = np.asarray((np.arange(2 * half + 1) - half) * size, np.float64)

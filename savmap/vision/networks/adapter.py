@@ -22,8 +22,9 @@ LARGEST = 60.0
 class Segmentation:
     """A network's answer to a picture.
 
-    `maps` (1 + classes, H, W) float32 are the classes' probabilities, background first. `owners` (classes, H, W) is the number of
-    the instance that a pixel belongs to, from 1 in its class, 0 for none; None for networks that do not separate instances.
+    `maps` (1 + classes, H, W) float32 are the classes' probabilities, background first. `owners` (classes, H, W) is the
+    number of the instance that a pixel belongs to, from 1 in its class, 0 for none; None for networks that do not
+    separate instances.
     """
 
     classes: tuple[str, ...]
@@ -31,8 +32,9 @@ class Segmentation:
     owners: NDArray[np.int16] | None = None
 
     def detections(self, threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
-        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by hysteresis where it is three of
-        them, by class, and by instance where the network separates them. All of a class share its probability over the whole picture."""
+        """Connected regions of `min_pixels` or more where a class's probability is above `threshold`, by hysteresis
+        where it is three of them, by class, and by instance where the network separates them. All of a class share its
+        probability over the whole picture."""
         if self.owners is None:
             return [
                 detection
@@ -50,8 +52,8 @@ class Segmentation:
 
 
 def regions(label: str, probability: Probabilities, threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
-    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, by hysteresis where it is three of
-    them, in scan order.
+    """Connected regions (8-neighbourhood) where the class's probability (H, W) is above `threshold`, by hysteresis
+    where it is three of them, in scan order.
 
     Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
     """
@@ -91,8 +93,8 @@ class Adapter(Protocol):
         ...
 
     def predict(self, image: NDArray[np.uint8], labels: Sequence[str | None], classes: tuple[str, ...]) -> Segmentation:
-        """Segment a picture (H, W, 3) uint8 RGB of any size. `labels` gives for each of `names` the class that it counts as, None
-        to leave it out; `classes` are these classes, in order."""
+        """Segment a picture (H, W, 3) uint8 RGB of any size. `labels` gives for each of `names` the class that it
+        counts as, None to leave it out; `classes` are these classes, in order."""
         ...
 
 

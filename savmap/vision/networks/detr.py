@@ -1,10 +1,11 @@
 """Networks that answer queries, each with a class and a mask over the whole picture: DETR and what followed it.
 
-Input: one stretched picture, (1, 3, h, w), RGB 0..1 less ImageNet's mean, over its standard deviation. Outputs: a mask's logits for each of q
-queries, (1, q, h', w'), the only output with four sides, and their class logits by name:
+Input: one stretched picture, (1, 3, h, w), RGB 0..1 less ImageNet's mean, over its standard deviation. Outputs: a
+mask's logits for each of q queries, (1, q, h', w'), the only output with four sides, and their class logits by name:
 
 - `labels` (1, q, classes): logistic, as RF-DETR's segmentation networks give them (`dets`, `labels`, `masks`);
-- `class_queries_logits` (Mask2Former and MaskFormer of transformers), `logits` or `pred_logits` (DETR): (1, q, classes + 1), softmax, the last
+- `class_queries_logits` (Mask2Former and MaskFormer of transformers), `logits` or `pred_logits` (DETR): (1, q, classes
++ 1), softmax, the last
   one for no object.
 
 Boxes are not used. Classes are named in the metadata (`savmap.classes` or `names`), or else by their numbers from 0.

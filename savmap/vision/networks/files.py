@@ -9,7 +9,8 @@ from pathlib import Path
 from savmap.files.atomic import sha256
 
 LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]*[\x00-\x7f])")
-"""How a tensor's external data begin: a StringStringEntryProto (onnx.proto) whose key is `location`; then the length of the file's name."""
+"""How a tensor's external data begin: a StringStringEntryProto (onnx.proto) whose key is `location`; then the length of
+the file's name."""
 
 
 def network_files(model: Path) -> tuple[Path, ...]:
@@ -19,7 +20,8 @@ def network_files(model: Path) -> tuple[Path, ...]:
 
 
 def network_digest(model: Path) -> str:
-    """SHA-256 of a network: of its file; or, with weights beside it, of a line for each file with its own. Raises OutputError, OSError."""
+    """SHA-256 of a network: of its file; or, with weights beside it, of a line for each file with its own. Raises
+    OutputError, OSError."""
     digests = [sha256(file) for file in network_files(model)]
     return digests[0] if len(digests) == 1 else hashlib.sha256("\n".join(digests).encode()).hexdigest()
 

@@ -17,8 +17,8 @@ MOST_SHARED = 0.5
 @dataclass(frozen=True, eq=False)
 @array_record
 class Instance:
-    """One detected object: its class, its score, its mask's logits on a coarse grid over the network's input, and its window (4,) in
-    the picture: first column and row, last column and row + 1."""
+    """One detected object: its class, its score, its mask's logits on a coarse grid over the network's input, and its
+    window (4,) in the picture: first column and row, last column and row + 1."""
 
     label: str
     score: float
@@ -52,7 +52,8 @@ def merged(instances: Sequence[Instance], classes: tuple[str, ...], fit: Fit) ->
 
 
 def _sampled(mask: Probabilities, fit: Fit, window: NDArray[np.int64]) -> Probabilities:
-    """A mask (rows, columns) over the network's input, interpolated linearly at the picture's pixels in a window (4,)."""
+    """A mask (rows, columns) over the network's input, interpolated linearly at the picture's pixels in a window
+    (4,)."""
     (across, right), (down, below) = fit.on_grid(mask.shape[1], mask.shape[0])
     columns = np.arange(window[0], window[2]) * across + right
     rows = np.arange(window[1], window[3]) * down + below

@@ -14,8 +14,8 @@ WHITE = np.float32(255)
 
 @dataclass(frozen=True)
 class Fit:
-    """A picture of `width` x `height` pixels in an input of `size` (w, h): scaled by `across` and `down`, its upper left corner at
-    (left, top) of the input. Pixel centres are at integer coordinates."""
+    """A picture of `width` x `height` pixels in an input of `size` (w, h): scaled by `across` and `down`, its upper
+    left corner at (left, top) of the input. Pixel centres are at integer coordinates."""
 
     width: int
     height: int
@@ -34,8 +34,8 @@ class Fit:
         )
 
     def window(self, boxes: NDArray[np.float64], margin: float) -> NDArray[np.int64]:
-        """Boxes (n, 4) of the input (x0, y0, x1, y1 between pixels' borders), grown by `margin` of its pixels, as the picture's first and
-        last + 1 columns and rows (n, 4)."""
+        """Boxes (n, 4) of the input (x0, y0, x1, y1 between pixels' borders), grown by `margin` of its pixels, as the
+        picture's first and last + 1 columns and rows (n, 4)."""
         corner = np.array([self.left, self.top])
         scale = np.array([self.across, self.down])
         first = np.floor((boxes[:, :2] - margin - corner) / scale)
@@ -45,7 +45,8 @@ class Fit:
 
 
 def letterboxed(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[NDArray[np.uint8], Fit]:
-    """A picture (H, W, 3) scaled to fit into `size` (w, h), in the middle of a grey canvas, as ultralytics' LetterBox does."""
+    """A picture (H, W, 3) scaled to fit into `size` (w, h), in the middle of a grey canvas, as ultralytics' LetterBox
+    does."""
     height, width = image.shape[:2]
     ratio = min(size[0] / width, size[1] / height)
     inner = round(width * ratio), round(height * ratio)

@@ -1,7 +1,8 @@
 """onnxruntime's execution providers: which of them a network runs on, and which of two model files fits it.
 
-Without a choice by name: CUDA, then OpenVINO, each where the installed package of onnxruntime was built with it, then the processor.
-TensorRT, which builds its engine for minutes, and CoreML, which every macOS package has, are used only if they are chosen by name.
+Without a choice by name: CUDA, then OpenVINO, each where the installed package of onnxruntime was built with it, then
+the processor. TensorRT, which builds its engine for minutes, and CoreML, which every macOS package has, are used only
+if they are chosen by name.
 """
 
 from collections.abc import Sequence
@@ -31,8 +32,8 @@ class Choice:
 
 
 def choose(asked: Sequence[str], available: Sequence[str] | None = None) -> Choice:
-    """Providers to run on: those asked for that are `available` (onnxruntime's names; default: what it says), else the automatic
-    ones; the processor comes last, and does what the others cannot."""
+    """Providers to run on: those asked for that are `available` (onnxruntime's names; default: what it says), else the
+    automatic ones; the processor comes last, and does what the others cannot."""
     installed = _available() if available is None else available
     present = [name for name, full in PROVIDERS.items() if full in installed]
     missing = [name for name in asked if name not in present]
@@ -44,7 +45,8 @@ def choose(asked: Sequence[str], available: Sequence[str] | None = None) -> Choi
 
 
 def file_for(model: Path, first: str) -> Path:
-    """The file to run where `first` is the first provider: for some, the float32 network that lies beside one in 8-bit integers."""
+    """The file to run where `first` is the first provider: for some, the float32 network that lies beside one in 8-bit
+    integers."""
     beside = model.with_name(model.name.removesuffix(INT8) + FLOAT)
     return beside if first in FLOATING and model.name.endswith(INT8) and beside.is_file() else model
 

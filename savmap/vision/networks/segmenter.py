@@ -27,9 +27,9 @@ LEAST_SIDE, MOST_SIDE = 8, 8192
 class Segmenter:
     """A network ready to run, whatever its kind.
 
-    class_names: new names of its classes (by name, or by number from 0); wanted: classes to keep, all if None; providers: execution
-    providers by their short names, none for the automatic choice. Raises ModelError for a file that is missing, is no ONNX
-    model, is of no accepted kind, or breaks its kind's contract.
+    class_names: new names of its classes (by name, or by number from 0); wanted: classes to keep, all if None;
+    providers: execution providers by their short names, none for the automatic choice. Raises ModelError for a file
+    that is missing, is no ONNX model, is of no accepted kind, or breaks its kind's contract.
     """
 
     def __init__(
@@ -59,8 +59,8 @@ class Segmenter:
         return self.predict(image).maps
 
     def detections(self, image: NDArray[np.uint8], threshold: float | Thresholds, min_pixels: int) -> list[Detection]:
-        """Connected regions of `min_pixels` or more of each class where its probability is above `threshold`, by hysteresis where it is
-        three of them, instance by instance where the network tells them apart."""
+        """Connected regions of `min_pixels` or more of each class where its probability is above `threshold`, by
+        hysteresis where it is three of them, instance by instance where the network tells them apart."""
         return self.predict(image).detections(threshold, min_pixels)
 
     def __str__(self) -> str:
@@ -69,7 +69,8 @@ class Segmenter:
 
 
 def adapter_for(network: OpenNetwork) -> Adapter:
-    """The adapter for a network's kind. Raises ModelError where there is none, or where the file breaks its kind's contract."""
+    """The adapter for a network's kind. Raises ModelError where there is none, or where the file breaks its kind's
+    contract."""
     signature, run = network.signature, network.run
     size = signature.input_size if signature.takes_picture else None
     if size is not None and not all(LEAST_SIDE <= side <= MOST_SIDE for side in size):
@@ -91,8 +92,9 @@ def adapter_for(network: OpenNetwork) -> Adapter:
 def labels_of(
     names: Sequence[str], class_names: Mapping[str, str], wanted: Collection[str] | None, where: str
 ) -> tuple[str | None, ...]:
-    """The class that each of a network's classes counts as: the name that `class_names` gives for it or for its number, else its own;
-    None where that is not among those `wanted`. Raises ModelError for a name in `class_names` that the network does not have."""
+    """The class that each of a network's classes counts as: the name that `class_names` gives for it or for its number,
+    else its own; None where that is not among those `wanted`. Raises ModelError for a name in `class_names` that the
+    network does not have."""
     numbers = {str(number): name for number, name in enumerate(names)}
     for key in class_names:
         if key not in names and key not in numbers:

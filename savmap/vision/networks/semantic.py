@@ -1,8 +1,8 @@
 """Networks that give each pixel's class, as `savmap train` writes them, in float32 or 8-bit integers.
 
 The file must say what it is in its metadata: `savmap.format` = "semantic", `savmap.classes` (JSON list, background left
-out) and `savmap.output` = "probabilities" or "logits" (so if it is missing). Its input is one picture, (1, 3, h, w) float32, RGB 0..255; its output
-(1, 1 + classes, h, w) float32, background first.
+out) and `savmap.output` = "probabilities" or "logits" (so if it is missing). Its input is one picture, (1, 3, h, w)
+float32, RGB 0..255; its output (1, 1 + classes, h, w) float32, background first.
 """
 
 import json

@@ -1,4 +1,5 @@
-"""ONNX files opened by onnxruntime, on the first of the chosen providers that starts; the processor comes last and always starts."""
+"""ONNX files opened by onnxruntime, on the first of the chosen providers that starts; the processor comes last and
+always starts."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,8 +18,9 @@ from savmap.vision.networks.signature import OnnxSignature, read_signature
 ADVICE = "train one with `savmap train`, or point `model` at a file that savmap reads (docs/networks.md)"
 
 EXACT_INTEGERS = "session.x64quantprecision"
-"""onnxruntime's setting for x86 processors without VNNI, which add two products of 8-bit integers in 16 bits: what does not fit is cut off, and
-masks change. With it they multiply more slowly and exactly, so that a network sees the same on all processors. Others pass it over."""
+"""onnxruntime's setting for x86 processors without VNNI, which add two products of 8-bit integers in 16 bits: what does
+not fit is cut off, and masks change. With it they multiply more slowly and exactly, so that a network sees the same on
+all processors. Others pass it over."""
 
 Run = Callable[[NDArray[np.float32]], list[Any]]
 """Runs the network: from its input (1, 3, h, w) to all its outputs. Raises ModelError where it fails."""
@@ -26,8 +28,8 @@ Run = Callable[[NDArray[np.float32]], list[Any]]
 
 @dataclass(frozen=True)
 class OpenNetwork:
-    """A network ready to run: the file that was read, its signature, the provider that runs it, and a note where that is not the
-    provider that was asked for."""
+    """A network ready to run: the file that was read, its signature, the provider that runs it, and a note where that
+    is not the provider that was asked for."""
 
     path: Path
     signature: OnnxSignature

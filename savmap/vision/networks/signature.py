@@ -14,7 +14,8 @@ Side = int | None
 
 @dataclass(frozen=True)
 class Tensor:
-    """An input or output: its name, its shape (None for a dimension that is not fixed), and onnxruntime's name of its type."""
+    """An input or output: its name, its shape (None for a dimension that is not fixed), and onnxruntime's name of its
+    type."""
 
     name: str
     shape: tuple[Side, ...]
@@ -65,8 +66,8 @@ class OnnxSignature:
 
     @property
     def names(self) -> tuple[str, ...] | None:
-        """The classes that the metadata names: `savmap.classes`, a JSON list, or `names` as ultralytics writes it, a dictionary of
-        numbers to names. None where it names none. Raises ModelError for what cannot be read."""
+        """The classes that the metadata names: `savmap.classes`, a JSON list, or `names` as ultralytics writes it, a
+        dictionary of numbers to names. None where it names none. Raises ModelError for what cannot be read."""
         try:
             if "savmap.classes" in self.metadata:
                 return _checked(json.loads(self.metadata["savmap.classes"]))

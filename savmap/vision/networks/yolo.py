@@ -1,10 +1,11 @@
 """YOLO segmentation networks as ultralytics exports them (YOLOv8, YOLO11 and others with the same outputs).
 
 Input: one letterboxed picture, (1, 3, h, w), RGB 0..1, float32 or float16. Outputs, in any order: rows of
-boxes (centre, width, height in pixels of the input), class scores 0..1 and m mask coefficients, (1, 4 + classes + m, n); and m mask
-prototypes, (1, m, h/4, w/4). Exports that leave out double boxes themselves (`nms=True`, `end2end`) give (1, n, 6 + m) instead: corners, score,
-number of the class, coefficients. Metadata: `names`, and `task` and `imgsz` where they are there. An instance's mask is the
-logistic function of its coefficients times the prototypes, inside its box (Bolya et al., YOLACT, 2019).
+boxes (centre, width, height in pixels of the input), class scores 0..1 and m mask coefficients, (1, 4 + classes + m,
+n); and m mask prototypes, (1, m, h/4, w/4). Exports that leave out double boxes themselves (`nms=True`, `end2end`) give
+(1, n, 6 + m) instead: corners, score, number of the class, coefficients. Metadata: `names`, and `task` and `imgsz`
+where they are there. An instance's mask is the logistic function of its coefficients times the prototypes, inside its
+box (Bolya et al., YOLACT, 2019).
 """
 
 import ast
@@ -76,8 +77,8 @@ class Yolo:
             raise ModelError(f"{self._path}: gives class {unknown[0]}, but its metadata names {len(self.names)} from 0")
 
     def _suppressed(self, rows: Singles) -> tuple[Singles, Singles, NDArray[np.int64], Singles]:
-        """Boxes by their corners (k, 4), scores, numbers of classes and coefficients, the surest first, after non-maximum suppression
-        by class."""
+        """Boxes by their corners (k, 4), scores, numbers of classes and coefficients, the surest first, after
+        non-maximum suppression by class."""
         count = len(self.names)
         columns = rows.T
         kinds = columns[:, 4 : 4 + count].argmax(axis=1)
@@ -131,7 +132,8 @@ def _numbered(signature: OnnxSignature, rows: Tensor, masks: int) -> tuple[str, 
 
 
 def _size_in_metadata(signature: OnnxSignature) -> tuple[int, int]:
-    """Width and height that a network without a fixed size was made for: `imgsz`, [height, width] or one number for both."""
+    """Width and height that a network without a fixed size was made for: `imgsz`, [height, width] or one number for
+    both."""
     try:
         given = ast.literal_eval(signature.metadata["imgsz"])
         height, width = (given, given) if isinstance(given, int) else map(int, given)

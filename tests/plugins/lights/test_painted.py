@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import focal_px, rig_from_view
-from savmap.sim.paint.faces import Lighting
-from savmap.sim.paint.raster import Camera
-from savmap.sim.paint.shade import painted
-from savmap.sim.paint.stage import Stage
-from savmap.sim.paint.wardrobe import Wardrobe, wardrobe_of
-from savmap.train.data.dataset import read_dataset
-from savmap_lights.simulation.painted.hall import TEXTURES
-from savmap_lights.simulation.painted.lamps import LIGHT, Style, build_lamp, random_style
-from savmap_lights.simulation.painted.pictures import CLASSES, main, picture
+from savmap.lab.sim.paint.faces import Lighting
+from savmap.lab.sim.paint.raster import Camera
+from savmap.lab.sim.paint.shade import painted
+from savmap.lab.sim.paint.stage import Stage
+from savmap.lab.sim.paint.wardrobe import Wardrobe, wardrobe_of
+from savmap.lab.train.data.dataset import read_dataset
+from savmap_lights.lab.painted.hall import TEXTURES
+from savmap_lights.lab.painted.lamps import LIGHT, Style, build_lamp, random_style
+from savmap_lights.lab.painted.pictures import CLASSES, main, picture
 
 ABOVE_M = 4.0
 STRAIGHT_UP = Camera(np.array([0.0, 2.0, 0.0]), np.diag([1.0, -1.0, -1.0]) @ rig_from_view(0.0, 90.0, 0.0), 70.0)

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.drive.optics import Optics
-from savmap.sim.observations import MaskErrors, ObservedEdge
-from savmap.sim.scene.build import Built, build
-from savmap.sim.scene.files import Cart, Scene, parse_scene
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.drive.optics import Optics
+from savmap.lab.sim.observations import MaskErrors, ObservedEdge
+from savmap.lab.sim.scene.build import Built, build
+from savmap.lab.sim.scene.files import Cart, Scene, parse_scene
 from savmap.types import ViewSpec
-from savmap_shelves.simulation.observed import Truth, observe, strips
+from savmap_shelves.lab.observed import Truth, observe, strips
 
 VIEW = ViewSpec("face", yaw_deg=-90.0, hfov_deg=120.0)
 EXACT = MaskErrors(sigma_px=0.0)

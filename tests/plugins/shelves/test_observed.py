@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import project
-from savmap.sim.drive.cart import Drive, drive
-from savmap.sim.observations import PAPER, MaskErrors, ObservedEdge
-from savmap.sim.scene.build import Built, build
-from savmap.sim.scene.files import parse_scene
+from savmap.lab.sim.drive.cart import Drive, drive
+from savmap.lab.sim.observations import PAPER, MaskErrors, ObservedEdge
+from savmap.lab.sim.scene.build import Built, build
+from savmap.lab.sim.scene.files import parse_scene
 from savmap.types import Feature, ViewSpec
-from savmap_shelves.simulation.observed import Truth, observe, observed_features, strips
+from savmap_shelves.lab.observed import Truth, observe, observed_features, strips
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=130.0)
 

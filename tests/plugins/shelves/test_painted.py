@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import focal_px
-from savmap.sim.paint.faces import Lighting
-from savmap.sim.paint.raster import Camera, camera_at
-from savmap.sim.paint.shade import painted
-from savmap.sim.paint.stage import Stage
-from savmap.sim.paint.wardrobe import Wardrobe
-from savmap.train.data.dataset import group_of, read_dataset
-from savmap_shelves.simulation.painted import pictures
-from savmap_shelves.simulation.painted.pictures import CLASSES, main, picture
-from savmap_shelves.simulation.painted.racks import SIDES, Bay, Row, build_row, random_style
-from savmap_shelves.simulation.painted.wardrobe import wardrobe
+from savmap.lab.sim.paint.faces import Lighting
+from savmap.lab.sim.paint.raster import Camera, camera_at
+from savmap.lab.sim.paint.shade import painted
+from savmap.lab.sim.paint.stage import Stage
+from savmap.lab.sim.paint.wardrobe import Wardrobe
+from savmap.lab.train.data.dataset import group_of, read_dataset
+from savmap_shelves.lab.painted import pictures
+from savmap_shelves.lab.painted.pictures import CLASSES, main, picture
+from savmap_shelves.lab.painted.racks import SIDES, Bay, Row, build_row, random_style
+from savmap_shelves.lab.painted.wardrobe import wardrobe
 
 UPRIGHT, BEAM = 1, 2
 

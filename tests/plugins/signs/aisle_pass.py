@@ -7,7 +7,7 @@ import numpy as np
 from savmap.geometry.pinhole import project
 from savmap.types import Feature, Floats, FrameTable, RowFacts, Structure, Trajectory, ViewSpec
 from savmap_signs.features import PARTS
-from savmap_signs.simulation.scene import Plate, corners
+from savmap_signs.lab.scene import Plate, corners
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 VIEWS = {

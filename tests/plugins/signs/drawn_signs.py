@@ -5,7 +5,7 @@ import numpy as np
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.types import Floats, Panorama
-from savmap_signs.simulation.artwork import Code, artwork
+from savmap_signs.lab.artwork import Code, artwork
 
 GROUND = 90.0
 

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.train.data.dataset import group_of, read_dataset
-from savmap_signs.simulation import pasted
+from savmap.lab.train.data.dataset import group_of, read_dataset
+from savmap_signs.lab import pasted
 
 
 def test_pasted_plates_are_a_set_whose_scenes_stay_together(tmp_path: Path) -> None:

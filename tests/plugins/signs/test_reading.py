@@ -5,8 +5,8 @@ import pytest
 
 from savmap.types import ViewSpec
 from savmap_signs import reading
+from savmap_signs.lab.artwork import artwork
 from savmap_signs.reading import Inscription, vote
-from savmap_signs.simulation.artwork import artwork
 
 from .drawn_signs import panorama_of, plate
 

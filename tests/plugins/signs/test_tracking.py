@@ -5,8 +5,8 @@ import pytest
 
 from savmap.errors import StructureError
 from savmap.types import Track, Trajectory
+from savmap_signs.lab.scene import Plate, corners
 from savmap_signs.settings import Settings
-from savmap_signs.simulation.scene import Plate, corners
 from savmap_signs.tracking import PARTNERS, partners, track_signs
 
 from .aisle_pass import PLATES, TRUTH, drive, sign_features

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from savmap.lab.sim.random_scene import random_scene
+from savmap.lab.sim.scene.files import load_scene
 from savmap.plugin import check_plugin
 from savmap.plugin.manager import load_class
-from savmap.sim.random_scene import random_scene
-from savmap.sim.scene.files import load_scene
 from savmap.types.scenes import RowFrame, Site
 from savmap_pallets.plugin import Pallets
 

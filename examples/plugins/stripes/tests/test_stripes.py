@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 import savmap
+from savmap.lab.sim.scene.files import load_scene
+from savmap.lab.sim.simulate import simulate
 from savmap.plugin import check_plugin
-from savmap.sim.scene.files import load_scene
-from savmap.sim.simulate import simulate
 from savmap_stripes.plugin import Stripes, corners_of
 
 SCENE = Path(__file__).parents[1] / "scene.yaml"

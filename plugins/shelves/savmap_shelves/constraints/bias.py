@@ -1,9 +1,10 @@
-"""The masks' biases as unknowns of the solve: their edges lie outside their structure, or inside it, by much the same everywhere.
+"""The masks' biases as unknowns of the solve: their edges lie outside their structure, or inside it, by much the same
+everywhere.
 
-A bias of b px makes every width too large by 2 b px and every gap too small by as much (paper, section IV.B). What a pixel
-is worth in metres changes with the camera's distance and, in a wide view, with its attitude; widths do not: so the
-bias shows, if faintly; a single known width shows it well. The bias of a single edge does not show at all, but counts
-in its sigma.
+A bias of b px makes every width too large by 2 b px and every gap too small by as much (paper, section IV.B). What a
+pixel is worth in metres changes with the camera's distance and, in a wide view, with its attitude; widths do not: so
+the bias shows, if faintly; a single known width shows it well. The bias of a single edge does not show at all, but
+counts in its sigma.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,11 +24,12 @@ LEAST_SINE = 0.1
 
 @dataclass(frozen=True)
 class BiasSettings:
-    """Standard deviations, px, of the bias of all edges, of the further bias of each class's edges, and of each edge's; `upright_px`:
-    of an upright's edge, where it is another.
+    """Standard deviations, px, of the bias of all edges, of the further bias of each class's edges, and of each edge's;
+    `upright_px`: of an upright's edge, where it is another.
 
-    `common`: whether the first two are estimated, or only allowed for in sigmas. `relative`: they are multiples of each measurement's
-    standard deviation instead, as the residuals show it: what is seen badly is likely to be off by more, all along.
+    `common`: whether the first two are estimated, or only allowed for in sigmas. `relative`: they are multiples of each
+    measurement's standard deviation instead, as the residuals show it: what is seen badly is likely to be off by more,
+    all along.
     """
 
     all_px: float = 0.0
@@ -40,7 +42,8 @@ class BiasSettings:
 
 NO_BIAS = BiasSettings()
 PICTURES = BiasSettings(0.2, 0.3, 1.2, relative=True, upright_px=0.4)
-"""Of edges measured in pictures: what makes normalised errors of widths and heights of maps of simulated footage about unit-sized."""
+"""Of edges measured in pictures: what makes normalised errors of widths and heights of maps of simulated footage about
+unit-sized."""
 
 
 def mask_biases(
@@ -71,8 +74,8 @@ def _which(track: Track, number: Mapping[Column | Row, int]) -> Ints:
 
 
 def _moves(track: Track, axes: Floats, relative: bool) -> Floats:
-    """What each of five biases, in px or `relative` to standard deviations, adds to the pixels (n, 2, 5): a corner slides along an edge
-    if the other moves.
+    """What each of five biases, in px or `relative` to standard deviations, adds to the pixels (n, 2, 5): a corner
+    slides along an edge if the other moves.
 
     axes (n, 2, 2): image directions of x and y, as columns.
     """

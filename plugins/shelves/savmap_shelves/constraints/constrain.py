@@ -32,7 +32,8 @@ _log = logging.getLogger(__name__)
 Values = float | Sequence[float | None]
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.03
-"""Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a row."""
+"""Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a
+row."""
 HIDDEN_FEET = (
     "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, or a reference is wrong; "
     "measure the camera's height and a length again, or give the height of a lowest beam"
@@ -45,8 +46,8 @@ class GridSettings:
 
     Height of the lowest beam's bottom edge (h_ref), one for all bays or one a bay, with its sigma; the pitch of
     the bays, from an upright's edge to the same one of the next, likewise; how far beams' faces stand back behind the
-    uprights', with its sigma. The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the setback:
-    5 mm too little make a rack seen from 1.5 m 0.3 % too low. A vertical length ends it.
+    uprights', with its sigma. The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the
+    setback: 5 mm too little make a rack seen from 1.5 m 0.3 % too low. A vertical length ends it.
 
     `bias`: how far masks may be too wide or too narrow. `corners`: each with the covariance of its two lines, or, as
     published, as points of 1 px; the uprights' edges then serve only where no beam ends.
@@ -179,9 +180,10 @@ def assignments(
 ) -> dict[str, dict[str, dict[int, float]]]:
     """The given figures of the bays found, by setting: the same for all, or one a bay of the row, left to right.
 
-    There is one assignment where all bays were found. Where the row has more, each run of neighbours makes one, by name. A bay
-    without beams, such as a passage, counts as the others do, and its value is None; a list without it is taken, too, where no other
-    bay is missing. Raises SiteError where the row has fewer, or where two settings differ in number.
+    There is one assignment where all bays were found. Where the row has more, each run of neighbours makes one, by
+    name. A bay without beams, such as a passage, counts as the others do, and its value is None; a list without it is
+    taken, too, where no other bay is missing. Raises SiteError where the row has fewer, or where two settings differ in
+    number.
     """
     counts = {setting: len(values) for setting, values in given.items() if not isinstance(values, int | float)}
     if len(set(counts.values())) > 1:
@@ -263,7 +265,8 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
 
 
 def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[tuple[Axis, int, int], ...]]:
-    """Lower and upper edge of every beam, bay by bay: most beams of a row have one profile, and those of a bridge their own."""
+    """Lower and upper edge of every beam, bay by bay: most beams of a row have one profile, and those of a bridge their
+    own."""
     for section in grid.sections:
         beams: list[tuple[Axis, int, int]] = [
             ("y", keys[lower], keys[grid.rows[section, beam, "upper"][0]])

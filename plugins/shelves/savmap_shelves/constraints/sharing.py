@@ -18,9 +18,10 @@ def share_edges(
     """Tracks with inflated covariances, and what each observation is worth in equations (for `observe`).
 
     Where n corners and the upright's ends are seen on one edge in one view, the corners' variance along the beam (which
-    is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen. `apart`: beams
-    and uprights lie on different planes. Corners then say nothing along the beam where the ends of the upright's edge are seen in any
-    view: corners of a thousand pixels, however faint, would hold the beams to the face plane, and so would a dozen good ones.
+    is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen. `apart`:
+    beams and uprights lie on different planes. Corners then say nothing along the beam where the ends of the upright's
+    edge are seen in any view: corners of a thousand pixels, however faint, would hold the beams to the face plane, and
+    so would a dozen good ones.
     """
     corners = Counter(line for track in tracks if track.label == "beam" for line in _lines(track))
     ends = Counter(line for track in tracks if track.label != "beam" for line in _lines(track))
@@ -67,7 +68,8 @@ def directions(track: Track, views: Mapping[str, ViewSpec], start: Trajectory) -
 
 
 def _stretched(track: Track, factor: Floats, directions: Floats) -> Track:
-    """Variances along the first direction times `factor` (n,): the corner's two lines are taken apart along their axes."""
+    """Variances along the first direction times `factor` (n,): the corner's two lines are taken apart along their
+    axes."""
     inverse = np.linalg.inv(directions)
     parts = inverse @ track.covariances @ np.swapaxes(inverse, 1, 2)
     scale = np.ones((len(factor), 2))

@@ -17,7 +17,8 @@ def draw(
 ) -> tuple[Drawing, ...]:
     """Uprights and beams, over the survey's if there is one.
 
-    Those whose deviation (m, by id) is more than `OFF_M` are marked. Raises OutputError where the row's survey is malformed.
+    Those whose deviation (m, by id) is more than `OFF_M` are marked. Raises OutputError where the row's survey is
+    malformed.
     """
     surveyed = _surveyed(read_row(survey)) if survey is not None and holds_shelves(survey) else ()
     mapped = [structure for structure in structures if structure.label in ("upright", "beam")]

@@ -1,4 +1,5 @@
-"""Uprights and beams as a table: CSV with a line for each, its edges, sizes and standard deviations, and what speaks against it."""
+"""Uprights and beams as a table: CSV with a line for each, its edges, sizes and standard deviations, and what speaks
+against it."""
 
 import csv
 import io
@@ -25,8 +26,9 @@ ON_BEAMS = {"bottom": "lower", "top": "upper"}
 
 
 def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
-    """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes, m. An empty cell for what an
-    element has not, such as an upright a bay. `assumed`: the sides that nothing measured. Raises OutputError."""
+    """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes,
+    m. An empty cell for what an element has not, such as an upright a bay. `assumed`: the sides that nothing measured.
+    Raises OutputError."""
     text, said = io.StringIO(), site.doubts()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)

@@ -92,9 +92,9 @@ def holds_shelves(entry: Mapping[str, Any]) -> bool:
 class AlignmentCosts:
     """What a match costs; an element left unmatched, on either side, costs 1.
 
-    tolerance_m: the disagreement that costs 1. position: weight of a pair's disagreement in place; the rest, 1 - position,
-    weighs how its step from the pair before it disagrees, which a drift along the list leaves alone. first: weight of
-    the first pair's disagreement in place, for it has no step.
+    tolerance_m: the disagreement that costs 1. position: weight of a pair's disagreement in place; the rest, 1 -
+    position, weighs how its step from the pair before it disagrees, which a drift along the list leaves alone. first:
+    weight of the first pair's disagreement in place, for it has no step.
     """
 
     tolerance_m: float
@@ -105,8 +105,8 @@ class AlignmentCosts:
 def align(truth: Floats, estimate: Floats, costs: AlignmentCosts) -> list[Pair]:
     """The cheapest matching, in order, of intervals `truth` (n, 2) and `estimate` (m, 2), both sorted by their centre.
 
-    Either may have elements that the other lacks. Returns pairs of indices, increasing in both. Dynamic programming over
-    the pair that was matched last.
+    Either may have elements that the other lacks. Returns pairs of indices, increasing in both. Dynamic programming
+    over the pair that was matched last.
     """
     rows, columns = len(truth), len(estimate)
     if not rows or not columns:
@@ -229,7 +229,8 @@ def _score_uprights(surveyed: SurveyedRow, uprights: Elements, pairs: Sequence[P
 
 
 def _beginning(truth: Floats, estimate: Floats, pairs: Sequence[Pair]) -> float:
-    """Where the survey has the map's x = 0: elsewhere than at 0 only if the first uprights (n, 2), (m, 2) of both are not a pair."""
+    """Where the survey has the map's x = 0: elsewhere than at 0 only if the first uprights (n, 2), (m, 2) of both are
+    not a pair."""
     first = next(iter(pairs), (0, 0))
     return 0.0 if first == (0, 0) else float(truth[first[0], 0] - estimate[first[1], 0])
 

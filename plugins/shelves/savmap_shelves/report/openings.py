@@ -1,5 +1,5 @@
-"""The clear space between a bay's beams, where goods stand: what two dates of a rack are compared by beside its elements, and
-the names of bays and levels."""
+"""The clear space between a bay's beams, where goods stand: what two dates of a rack are compared by beside its
+elements, and the names of bays and levels."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -17,9 +17,10 @@ FLOOR_OPENING = "floor opening"
 
 
 def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
-    """A structure "bay 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands on the floor. Its
-    corners are those of the clear space between uprights and beams; where an upright was not mapped, it is a line in the middle of the bay,
-    which has a height alone. Raises OutputError for structures that lack what the plugin gives them."""
+    """A structure "bay 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands
+    on the floor. Its corners are those of the clear space between uprights and beams; where an upright was not mapped,
+    it is a line in the middle of the bay, which has a height alone. Raises OutputError for structures that lack what
+    the plugin gives them."""
     return [
         _structure(bay, opening, opening.roof)
         for bay in bays_of(structures, None, plugin)
@@ -31,9 +32,10 @@ def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[S
 def places(
     structures: Sequence[Structure], plugin: str = "shelves", joint: JointCovariance | None = None
 ) -> list[Structure]:
-    """The bays, "bay 3", from the floor to their topmost beam, and their levels, "bay 3 / level 2", which are the slots of the export: the
-    space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on its beam. A bay is also called a bay. Clear
-    widths and heights are among the attributes, as the slots have them; what is not known is not there. `assumed`: "clear height assumed"."""
+    """The bays, "bay 3", from the floor to their topmost beam, and their levels, "bay 3 / level 2", which are the slots
+    of the export: the space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on
+    its beam. A bay is also called a bay. Clear widths and heights are among the attributes, as the slots have them;
+    what is not known is not there. `assumed`: "clear height assumed"."""
     bays = bays_of(structures, joint, plugin)
     return [place for bay in bays for place in (_section(bay), *_levels(bay, joint, plugin))]
 

@@ -34,7 +34,8 @@ class SlotEntry(_Part):
     row: str
     """The row's name in the map."""
     frame: Literal["world", "row"]
-    """Of the centre: the world's, or the row's own turned z up, where the map does not say how its rows lie to one another."""
+    """Of the centre: the world's, or the row's own turned z up, where the map does not say how its rows lie to one
+    another."""
     bay: Annotated[int, Field(ge=0)]
     """The bay of the row, from 1, from left to right as one faces it."""
     level: Annotated[int, Field(ge=0)]
@@ -66,7 +67,8 @@ class SlotEntry(_Part):
     assumed: tuple[Literal["clear height", "load height", "depth"], ...]
     """Which of these lengths nothing measured: the plugin takes them to be the usual."""
     doubts: tuple[str, ...]
-    """What speaks against the uprights and beams around the opening, by the row's verdict: look before its sizes are used."""
+    """What speaks against the uprights and beams around the opening, by the row's verdict: look before its sizes are
+    used."""
 
 
 class SlotFile(_Part):

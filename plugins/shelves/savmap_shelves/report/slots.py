@@ -21,10 +21,11 @@ CLEAR_HEIGHT, LOAD_HEIGHT, DEPTH = "clear height", "load height", "depth"
 class Slot:
     """An opening of a row's face, between two uprights, on a beam (level 1, 2, ...) or on the floor (level 0).
 
-    `centre` (3,) m lies in the face, in the world's frame (z up), or, with `frame` "row", in the row's own turned z up; `covariance` (3, 3).
-    The topmost opening is open above (`clear_height` None): its centre is on its load level. `load_height` is that of what goods stand on
-    above the floor. `clear_width` is None where an upright beside it was not mapped. Lengths are metres. `depth_m` is the rack's. `assumed`: which of
-    these lengths rest on an edge that nothing measured. `doubts`: what speaks against the uprights and beams around it.
+    `centre` (3,) m lies in the face, in the world's frame (z up), or, with `frame` "row", in the row's own turned z up;
+    `covariance` (3, 3). The topmost opening is open above (`clear_height` None): its centre is on its load level.
+    `load_height` is that of what goods stand on above the floor. `clear_width` is None where an upright beside it was
+    not mapped. Lengths are metres. `depth_m` is the rack's. `assumed`: which of these lengths rest on an edge that
+    nothing measured. `doubts`: what speaks against the uprights and beams around it.
     """
 
     row: str
@@ -46,8 +47,8 @@ class Slot:
 
 @dataclass(frozen=True)
 class Bay:
-    """A bay of a row: from where to where it is open along x, its clear width, its depth, z of its face, the beams from the floor up, and the ids of
-    the uprights beside it; all m in the row's frame."""
+    """A bay of a row: from where to where it is open along x, its clear width, its depth, z of its face, the beams from
+    the floor up, and the ids of the uprights beside it; all m in the row's frame."""
 
     number: int
     extent: tuple[Measured, Measured]
@@ -61,8 +62,9 @@ class Bay:
 
 @dataclass(frozen=True)
 class Opening:
-    """A space of a bay: its level (0 on the floor), the height of what goods stand on, of the beam above and of the clear space between,
-    m; the last two are None where it is open above. `beams`: the ids of those below and above. `assumed`: as in `Slot`."""
+    """A space of a bay: its level (0 on the floor), the height of what goods stand on, of the beam above and of the
+    clear space between, m; the last two are None where it is open above. `beams`: the ids of those below and above.
+    `assumed`: as in `Slot`."""
 
     level: int
     floor: Measured
@@ -73,14 +75,14 @@ class Opening:
 
 
 def slots_of(site: SiteMap, plugin: str) -> list[Slot]:
-    """The openings of all rows, row by row, from left to right and from the floor up. Raises OutputError for a map whose structures are not
-    such as the plugin makes them."""
+    """The openings of all rows, row by row, from left to right and from the floor up. Raises OutputError for a map
+    whose structures are not such as the plugin makes them."""
     return [slot for row in site.rows.values() for slot in _slots_of_row(site, row, plugin)]
 
 
 def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
-    """The row's slots in the world's frame; in the row's own if it has no place there: neither among other rows nor, being alone, by the
-    alignment."""
+    """The row's slots in the world's frame; in the row's own if it has no place there: neither among other rows nor,
+    being alone, by the alignment."""
     bays = bays_of(row.structures.get(plugin, ()), row.joint, plugin)
     signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
     placement = site.placements.get(row.name)
@@ -102,7 +104,8 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
 
 
 def bays_of(structures: Sequence[Structure], joint: JointCovariance | None, plugin: str) -> list[Bay]:
-    """The bays that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives them."""
+    """The bays that have beams, from left to right. Raises OutputError for structures that lack what the plugin gives
+    them."""
     uprights = {number_of(part, "upright"): part for part in structures if part.label == "upright"}
     grouped: dict[int, list[Structure]] = {}
     for part in structures:
@@ -166,8 +169,8 @@ def _is_assumed(beam: Structure, side: str, plugin: str, joint: JointCovariance 
 
 
 def edge(structure: Structure, axis: int, side: str = "") -> Measured:
-    """Coordinate of a structure's edge: the mean of its vertices on that side, which share their error. Raises OutputError where no
-    vertex is on it."""
+    """Coordinate of a structure's edge: the mean of its vertices on that side, which share their error. Raises
+    OutputError where no vertex is on it."""
     value = mean_of(structure, axis, side) if side else float(structure.vertices[:, axis].mean())
     chosen = [not side or side in label.split() for label in structure.vertex_labels]
     variance = float(structure.covariances[chosen, axis, axis].mean())
@@ -177,8 +180,8 @@ def edge(structure: Structure, axis: int, side: str = "") -> Measured:
 def gap(
     joint: JointCovariance | None, plugin: str, first: tuple[Structure, str], second: tuple[Structure, str], axis: int
 ) -> Measured:
-    """From an edge, a structure and a side of it, to another one along an axis, m. The standard deviation leaves out what both share; of a map
-    that does not know that, it is that of two edges whose errors are independent."""
+    """From an edge, a structure and a side of it, to another one along an axis, m. The standard deviation leaves out
+    what both share; of a map that does not know that, it is that of two edges whose errors are independent."""
     start, end = edge(first[0], axis, first[1]), edge(second[0], axis, second[1])
     if joint is None:
         return Measured(end.value - start.value, float(np.hypot(start.sigma, end.sigma)))
@@ -220,7 +223,8 @@ def _slots_of_bay(
 
 
 def _centre(bay: Bay, floor: Measured, roof: Measured) -> tuple[Floats, Floats]:
-    """The middle (3,) of an opening in the bay's face and its covariance (3, 3), opposite edges taken for independent."""
+    """The middle (3,) of an opening in the bay's face and its covariance (3, 3), opposite edges taken for
+    independent."""
     sides = (*bay.extent,), (floor, roof), (bay.face, bay.face)
     middle = np.array([(first.value + second.value) / 2 for first, second in sides])
     sigmas = [np.hypot(first.sigma, second.sigma) / 2 for first, second in sides[:2]]

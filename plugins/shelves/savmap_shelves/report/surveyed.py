@@ -16,7 +16,8 @@ SIDES = {0: ("left", "right"), 1: ("lower", "upper")}
 
 
 def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
-    """Uprights from left to right, and the beams between each two from the floor up. A beam beside the outermost uprights is left out.
+    """Uprights from left to right, and the beams between each two from the floor up. A beam beside the outermost
+    uprights is left out.
 
     Raises OutputError where uprights are missing, overlap or have no width."""
     uprights = _ordered([own for own in structures if own.label == "upright"], 0)
@@ -41,7 +42,8 @@ def _ordered(structures: Sequence[Structure], axis: int) -> list[tuple[str, Floa
 
 
 def _interval(structure: Structure, axis: int) -> Floats:
-    """From edge to edge along an axis: the means of the points that are labelled so, or, without labels, of those near either end."""
+    """From edge to edge along an axis: the means of the points that are labelled so, or, without labels, of those near
+    either end."""
     along = structure.vertices[:, axis]
     low, high = (
         np.array([side in label.split() for label in structure.vertex_labels], dtype=np.bool_) for side in SIDES[axis]

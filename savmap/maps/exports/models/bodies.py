@@ -16,8 +16,9 @@ Corner = tuple[int, int, int]
 @dataclass(frozen=True, eq=False)
 @array_record
 class Body:
-    """A prism: its outline (n, 3) m, counter-clockwise as seen from outside, `depth` (3,) m, which points away from there, and the corners
-    (n - 2, 3) of the triangles that fill the outline. `normal` (3,): the outline's, outwards, of length 1."""
+    """A prism: its outline (n, 3) m, counter-clockwise as seen from outside, `depth` (3,) m, which points away from
+    there, and the corners (n - 2, 3) of the triangles that fill the outline. `normal` (3,): the outline's, outwards, of
+    length 1."""
 
     outline: Floats
     depth: Floats
@@ -40,7 +41,8 @@ class Body:
 
     @property
     def normals(self) -> Floats:
-        """Normals (4n - 4, 3) of the triangles, outwards; the triangles that fill an outline share that of its plane."""
+        """Normals (4n - 4, 3) of the triangles, outwards; the triangles that fill an outline share that of its
+        plane."""
         sides = self._side_normals()
         ends = np.repeat([self.normal, -self.normal], len(self.filling), axis=0)
         return np.concatenate([ends, sides, sides])
@@ -50,7 +52,8 @@ class Body:
         return float(np.abs((self.outline - self.outline.mean(axis=0)) @ self.normal).max())
 
     def flat_faces(self) -> tuple[Floats, Floats, Ints]:
-        """The same for flat shading: points (6n, 3), each of one face alone, their normals (6n, 3), and triangles (4n - 4, 3)."""
+        """The same for flat shading: points (6n, 3), each of one face alone, their normals (6n, 3), and triangles (4n -
+        4, 3)."""
         count = len(self.outline)
         after = np.roll(self.outline, -1, axis=0)
         walls = np.stack([self.outline, self.outline + self.depth, after, after + self.depth], axis=1)
@@ -98,7 +101,8 @@ def _in_plane(outline: Floats, normal: Floats) -> Floats:
 
 
 def _filling(flat: Floats) -> Ints:
-    """Corners (n - 2, 3) of triangles that fill an outline (n, 2), which is counter-clockwise: its ears are cut off one by one."""
+    """Corners (n - 2, 3) of triangles that fill an outline (n, 2), which is counter-clockwise: its ears are cut off one
+    by one."""
     left, cut, at = list(range(len(flat))), list[Corner](), 0
     while len(left) > 3:
         turns = (at + k for k in range(len(left)))

@@ -1,6 +1,8 @@
-"""Drawings of a row, flat: its elevation, which looks at its face, and its plan, which looks down; and what is dimensioned in them.
+"""Drawings of a row, flat: its elevation, which looks at its face, and its plan, which looks down; and what is
+dimensioned in them.
 
-Both have x along the row. In the elevation y points up; in the plan, away from who faces the row. Metres, from the row's origin.
+Both have x along the row. In the elevation y points up; in the plan, away from who faces the row. Metres, from the
+row's origin.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,7 +36,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Dimension:
-    """A length in a drawing, from one point to another, along x or upright; its line is at `line`: the other coordinate."""
+    """A length in a drawing, from one point to another, along x or upright; its line is at `line`: the other
+    coordinate."""
 
     start: tuple[float, float]
     end: tuple[float, float]
@@ -59,8 +62,9 @@ def reach(shapes: Sequence[Shape]) -> tuple[Floats, Floats]:
 
 
 def dimensions(row: RowMap, below: float, left: float) -> list[Dimension]:
-    """What an elevation is dimensioned with: clear widths between neighbouring columns, from the first column's outer side to the last one's,
-    and, in each width, the heights of the beams' upper sides. `below`, `left`: where the chains' lines begin."""
+    """What an elevation is dimensioned with: clear widths between neighbouring columns, from the first column's outer
+    side to the last one's, and, in each width, the heights of the beams' upper sides. `below`, `left`: where the
+    chains' lines begin."""
     spans = sorted(_reach_of(one) for one in _structures(row) if _class_of(one) == COLUMN)
     beams = [_reach_of(one) for one in _structures(row) if _class_of(one) == BEAM]
     if not spans:
@@ -101,8 +105,8 @@ def _reach_of(structure: Structure) -> tuple[float, float, float]:
 
 
 def _shapes(structure: Structure, axes: tuple[int, int], way: float) -> list[Shape]:
-    """A structure's solid, or its edges, along two of the row's axes, the other of which may be turned round. A solid is its outline where it
-    is looked at along its depth, else all that it covers."""
+    """A structure's solid, or its edges, along two of the row's axes, the other of which may be turned round. A solid
+    is its outline where it is looked at along its depth, else all that it covers."""
     turn = np.array([1.0, way])
     if structure.solid is not None:
         outline, depth = structure.solid.outline, structure.solid.depth

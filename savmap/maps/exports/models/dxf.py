@@ -1,8 +1,8 @@
 """A map as a drawing, DXF R2010, by the library `ezdxf`: metres.
 
-In the model space: the wireframe of all rows at its place in the world, on layers "3D LABEL"; below it, rows side by side, each row's elevation
-with dimensions, and its plan, on layers "ELEVATION LABEL", "PLAN LABEL", "TEXT" and "DIMENSIONS". What is known of a structure is in the
-extended data (`SAVMAP`) of its lines.
+In the model space: the wireframe of all rows at its place in the world, on layers "3D LABEL"; below it, rows side by
+side, each row's elevation with dimensions, and its plan, on layers "ELEVATION LABEL", "PLAN LABEL", "TEXT" and
+"DIMENSIONS". What is known of a structure is in the extended data (`SAVMAP`) of its lines.
 """
 
 import io
@@ -190,7 +190,8 @@ class _Drawing:
         return {"layer": f"{kind} {self.layers[structure.label]}"}
 
     def _told(self, entity: Any, part: Part) -> None:
-        """Say of an entity what it is part of: row, plugin, id, label, whether the depth is assumed, and the largest sigma, m."""
+        """Say of an entity what it is part of: row, plugin, id, label, whether the depth is assumed, and the largest
+        sigma, m."""
         texts = [part.row, part.plugin, part.structure.id, part.structure.label]
         spread = sigmas(part.structure)
         data: list[tuple[int, str | int | float]] = [(1000, _data(text)) for text in texts]

@@ -1,7 +1,7 @@
 """A map as binary glTF 2.0 (https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): metres, y up.
 
-A node for each row stands at the row's origin, with a node for each structure below it, which stands in the structure's middle. What is known of a structure beside its shape is in
-its node's `extras`.
+A node for each row stands at the row's origin, with a node for each structure below it, which stands in the structure's
+middle. What is known of a structure beside its shape is in its node's `extras`.
 """
 
 import json
@@ -132,7 +132,8 @@ def _middle(part: Part, origin: Floats) -> Floats:
 
 
 def _mesh(part: Part, origin: Floats, material: int, binary: _Binary) -> Entry | None:
-    """A structure's shape around its origin (3,) m in the world: its body, or its edges, or its vertices; None where it has none of them."""
+    """A structure's shape around its origin (3,) m in the world: its body, or its edges, or its vertices; None where it
+    has none of them."""
     thing = part.structure
     if part.body is not None:
         points, normals, triangles = part.body.flat_faces()

@@ -1,8 +1,9 @@
 """A map as a building model, IFC4 or IFC4.3 (ISO 16739-1), by the library `ifcopenshell`: metres, z up.
 
-A row is an assembly of the storey, a structure an element of the class that its plugin gives its solid, or a proxy. What is known of it beside
-its shape is in the property sets `Savmap` and `Savmap_Attributes`: names that begin with `Pset_` are buildingSMART's own. Identifiers are made
-of the names of row, plugin and structure, and so the same in each export.
+A row is an assembly of the storey, a structure an element of the class that its plugin gives its solid, or a proxy.
+What is known of it beside its shape is in the property sets `Savmap` and `Savmap_Attributes`: names that begin with
+`Pset_` are buildingSMART's own. Identifiers are made of the names of row, plugin and structure, and so the same in each
+export.
 """
 
 import json
@@ -140,7 +141,8 @@ class _Model:
         return assembly
 
     def element(self, part: Part, row: RowParts, whole: Entity, key: str) -> Entity:
-        """A structure's element, with its shape and what is known of it. `whole`: the row's placement; `key`: its name in the row."""
+        """A structure's element, with its shape and what is known of it. `whole`: the row's placement; `key`: its name
+        in the row."""
         thing = part.structure
         axes, shapes = self.shape(part, row.origin)
         product = self.file.create_entity(
@@ -183,7 +185,8 @@ class _Model:
         ]
 
     def extruded(self, body: Body, origin: Floats, styles: _Styles) -> tuple[Entity, list[Entity]]:
-        """A body as an area pushed along its depth: the element's z axis looks into it, its x axis is one of the outline's sides."""
+        """A body as an area pushed along its depth: the element's z axis looks into it, its x axis is one of the
+        outline's sides."""
         outline = body.outline[::-1]
         z, x = -body.normal, outline[1] - outline[0]
         x = x - (x @ z) * z
@@ -228,7 +231,8 @@ class _Model:
             )
 
     def property(self, name: str, value: Any) -> Entity:
-        """A property of one value, or of a list of them, all of one type: lengths where they are numbers, else texts."""
+        """A property of one value, or of a list of them, all of one type: lengths where they are numbers, else
+        texts."""
         if isinstance(value, list):
             lengths = isinstance(value[0], float)
             given = value if lengths else [_text(one) for one in value]

@@ -1,4 +1,5 @@
-"""A map as models see it: rows with the places that they are built around, and their structures in the world's frame, with their bodies."""
+"""A map as models see it: rows with the places that they are built around, and their structures in the world's frame,
+with their bodies."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -37,8 +38,8 @@ class Part:
 @dataclass(frozen=True, eq=False)
 @array_record
 class RowParts:
-    """A row's parts, and its origin (3,) m in the world's frame, near which they are: files whose numbers have seven digits give
-    positions from there."""
+    """A row's parts, and its origin (3,) m in the world's frame, near which they are: files whose numbers have seven
+    digits give positions from there."""
 
     name: str
     origin: Floats

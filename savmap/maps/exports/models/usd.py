@@ -1,7 +1,9 @@
-"""A map as Universal Scene Description (https://openusd.org): metres, z up, as text (.usda), or binary (.usdc) by the library `usd-core`.
+"""A map as Universal Scene Description (https://openusd.org): metres, z up, as text (.usda), or binary (.usdc) by the
+library `usd-core`.
 
-Below `/World`, a transform for each row stands at the row's origin, with a prim for each structure below it: a mesh that other things collide
-with, curves, or points. Labels are those of UsdSemantics; what else is known of a structure is in attributes that begin with `savmap:`.
+Below `/World`, a transform for each row stands at the row's origin, with a prim for each structure below it: a mesh
+that other things collide with, curves, or points. Labels are those of UsdSemantics; what else is known of a structure
+is in attributes that begin with `savmap:`.
 """
 
 import re
@@ -20,7 +22,8 @@ from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_o
 from savmap.types import Floats, SiteMap
 
 THICKNESS_M = 1 / 128
-"""Of drawn lines and points: what shows at ten metres, and has a half that is exact in single precision, as validators compare it."""
+"""Of drawn lines and points: what shows at ten metres, and has a half that is exact in single precision, as validators
+compare it."""
 LONGEST_NAME = 60
 CONTROL = re.compile("[\x00-\x1f\x7f]")
 ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t", "\x00": "\ufffd"}

@@ -20,8 +20,8 @@ LEAST_SIDE_M = 1e-4
 @dataclass(frozen=True, eq=False)
 @array_record
 class Footprint:
-    """A solid from above: its convex outline (n, 2) m, counter-clockwise, from `bottom_m` to `top_m` in the world. `name` is its own among all.
-    `assumed`: its depth, `depth_m`, was neither measured nor given."""
+    """A solid from above: its convex outline (n, 2) m, counter-clockwise, from `bottom_m` to `top_m` in the world.
+    `name` is its own among all. `assumed`: its depth, `depth_m`, was neither measured nor given."""
 
     name: str
     row: str
@@ -36,7 +36,8 @@ class Footprint:
 
     @property
     def axis(self) -> Floats:
-        """The line (2, 2) along its middle, from one short side to the other: of the rectangle around it along its longest side."""
+        """The line (2, 2) along its middle, from one short side to the other: of the rectangle around it along its
+        longest side."""
         sides = np.roll(self.outline, -1, axis=0) - self.outline
         along = sides[int(np.argmax(np.linalg.norm(sides, axis=1)))]
         along = along / np.linalg.norm(along)

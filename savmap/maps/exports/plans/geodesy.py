@@ -1,4 +1,5 @@
-"""Places of the world on the Earth (WGS 84), by the anchor: the world's plane touches the ellipsoid there, x to the east, y to the north."""
+"""Places of the world on the Earth (WGS 84), by the anchor: the world's plane touches the ellipsoid there, x to the
+east, y to the north."""
 
 import numpy as np
 
@@ -25,8 +26,8 @@ class Earth:
         self.latitude, self.longitude = site.alignment.anchor
 
     def positions(self, places: Floats) -> list[list[float]]:
-        """Longitude and latitude in degrees (n, 2), in GeoJSON's order, of places (n, 2) m of the world. Raises OutputError for places far
-        from the anchor."""
+        """Longitude and latitude in degrees (n, 2), in GeoJSON's order, of places (n, 2) m of the world. Raises
+        OutputError for places far from the anchor."""
         away = float(np.linalg.norm(places, axis=1).max(initial=0.0))
         if away > FARTHEST_M:
             raise OutputError(

@@ -1,4 +1,5 @@
-"""GeoJSON (RFC 7946): outlines of solids, lines of what has none, and the ways that were driven, in longitude and latitude."""
+"""GeoJSON (RFC 7946): outlines of solids, lines of what has none, and the ways that were driven, in longitude and
+latitude."""
 
 from pathlib import Path
 from typing import Any

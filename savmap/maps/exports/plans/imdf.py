@@ -1,7 +1,7 @@
 """IMDF 1.0 (Indoor Mapping Data Format): an archive with a venue, its building and level, and a fixture for each solid.
 
-What IMDF asks for and a map does not know is marked to be filled in: the postal address, names, and the walls of the building, whose
-outline here is that of what was mapped.
+What IMDF asks for and a map does not know is marked to be filled in: the postal address, names, and the walls of the
+building, whose outline here is that of what was mapped.
 """
 
 import hashlib
@@ -29,7 +29,8 @@ UNKNOWN, NOWHERE = "to be filled in", "ZZ"
 
 
 def write_imdf(site: SiteMap, path: Path) -> None:
-    """A .zip with manifest.json and a GeoJSON file for each type of feature. Raises OutputError, also for a site without an anchor."""
+    """A .zip with manifest.json and a GeoJSON file for each type of feature. Raises OutputError, also for a site
+    without an anchor."""
     earth = Earth(site)
     found = footprints(elements(site))
     if not found:
@@ -54,7 +55,8 @@ def write_imdf(site: SiteMap, path: Path) -> None:
 
 
 def _envelope(earth: Earth, ground: Floats) -> dict[str, list[dict[str, Any]]]:
-    """The features around the fixtures: address, venue, building, footprint and level, of which all have the same outline."""
+    """The features around the fixtures: address, venue, building, footprint and level, of which all have the same
+    outline."""
     corners = earth.positions(ground)
     area = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
     middle = {"type": "Point", "coordinates": earth.positions(ground.mean(axis=0)[None])[0]}

@@ -1,5 +1,5 @@
-"""VDMA LIF 1.0 (Layout Interchange Format): nodes and edges along what was driven, a station at either end of each row, and one
-before each of its bays."""
+"""VDMA LIF 1.0 (Layout Interchange Format): nodes and edges along what was driven, a station at either end of each row,
+and one before each of its bays."""
 
 import math
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Nav2 (ROS 2): a keep-out mask, a route graph and vector objects, in one archive.
 
-The mask is that of the keep-out filter (map_server: PGM and YAML), the graph that of the route server (GeoJSON in metres), the objects are
-parameters of the vector object server.
+The mask is that of the keep-out filter (map_server: PGM and YAML), the graph that of the route server (GeoJSON in
+metres), the objects are parameters of the vector object server.
 """
 
 from pathlib import Path
@@ -31,8 +31,8 @@ CRS = "urn:ogc:def:crs:EPSG::3857"
 
 
 def write_nav2(site: SiteMap, path: Path) -> None:
-    """A .zip with keepout.pgm, keepout.yaml, route_graph.geojson and vector_objects.yaml. Raises OutputError, also for a site that is too
-    large for a mask."""
+    """A .zip with keepout.pgm, keepout.yaml, route_graph.geojson and vector_objects.yaml. Raises OutputError, also for
+    a site that is too large for a mask."""
     floor = site.alignment.z_m if site.alignment else 0.0
     found = in_the_way(footprints(elements(site)), floor)
     graph = route_graph(site)
@@ -51,8 +51,8 @@ def write_nav2(site: SiteMap, path: Path) -> None:
 
 
 def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
-    """A PGM picture, black where any footprint touches a cell, of all footprints and of places driven (n, 2), and what map_server wants to know
-    of it. Raises OutputError."""
+    """A PGM picture, black where any footprint touches a cell, of all footprints and of places driven (n, 2), and what
+    map_server wants to know of it. Raises OutputError."""
     places = np.vstack([*(footprint.outline for footprint in found), driven])
     origin = np.floor((places.min(axis=0) - MARGIN_M) / RESOLUTION_M) * RESOLUTION_M
     columns, rows = (int(n) for n in np.ceil((places.max(axis=0) + MARGIN_M - origin) / RESOLUTION_M))
@@ -82,8 +82,8 @@ def _remark(found: list[Footprint]) -> str:
 
 
 def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
-    """Mark all cells that a convex outline (n, 2), in cells from the lower left corner, has a part of: in each row of cells those from where it
-    reaches furthest left to where it reaches furthest right."""
+    """Mark all cells that a convex outline (n, 2), in cells from the lower left corner, has a part of: in each row of
+    cells those from where it reaches furthest left to where it reaches furthest right."""
     first = int(max(np.floor(outline[:, 1].min()), 0))
     last = int(min(np.ceil(outline[:, 1].max()), len(cells)))
     below = np.arange(first, max(last, first + 1))[:, None]
@@ -99,7 +99,8 @@ def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
 
 
 def route_content(graph: RouteGraph) -> dict[str, Any]:
-    """The graph of Nav2's route server: ids of nodes, then of edges, all different; an edge for each way that it is driven."""
+    """The graph of Nav2's route server: ids of nodes, then of edges, all different; an edge for each way that it is
+    driven."""
     nodes = np.round(graph.nodes, DECIMALS).tolist()
     features = [
         feature("Point", at, {"id": number, "frame": FRAME, "metadata": {"name": name, "row": row}})
@@ -115,8 +116,9 @@ def route_content(graph: RouteGraph) -> dict[str, Any]:
 
 
 def vector_objects(found: list[Footprint]) -> str:
-    """Parameters of the vector object server: a closed, filled polygon for each footprint. Their names are numbers, because names of
-    parameters may hold letters, digits and underscores alone; the comments above say which is which."""
+    """Parameters of the vector object server: a closed, filled polygon for each footprint. Their names are numbers,
+    because names of parameters may hold letters, digits and underscores alone; the comments above say which is
+    which."""
     shapes = {
         f"solid_{number}": {
             "type": "polygon",

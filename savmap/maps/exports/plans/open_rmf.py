@@ -1,5 +1,5 @@
-"""Open-RMF: the building.yaml of rmf_traffic_editor, in metres (`cartesian_meters`, y up), with lanes along what was driven and a wall along
-each solid that stands in the way."""
+"""Open-RMF: the building.yaml of rmf_traffic_editor, in metres (`cartesian_meters`, y up), with lanes along what was
+driven and a wall along each solid that stands in the way."""
 
 from pathlib import Path
 from typing import Any

@@ -1,6 +1,7 @@
 """Where one can drive: a graph along the paths that the camera was driven.
 
-A path that comes near another one joins it there; what runs along it is not taken twice. Nothing is joined that was not driven.
+A path that comes near another one joins it there; what runs along it is not taken twice. Nothing is joined that was not
+driven.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,15 +30,17 @@ SPACING_M = 3.0
 REACH_M = 5.0
 """How far the path before a bay may be from it."""
 NEAR_M = 0.25
-"""A node so near to where a vehicle would stop is where it stops, such as for the bay across the aisle: half of what makes two paths one."""
+"""A node so near to where a vehicle would stop is where it stops, such as for the bay across the aisle: half of what
+makes two paths one."""
 DECIMALS = 4
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class RouteGraph:
-    """Nodes (n, 2) m in the world, a name for each (that of the bay before which it is) and the row by which it was driven first; edges as
-    pairs of nodes, the lower number first, each once, to be driven both ways; for each row the nodes at its left and its right end, as one faces it; and the nodes before bays by the bays' names."""
+    """Nodes (n, 2) m in the world, a name for each (that of the bay before which it is) and the row by which it was
+    driven first; edges as pairs of nodes, the lower number first, each once, to be driven both ways; for each row the
+    nodes at its left and its right end, as one faces it; and the nodes before bays by the bays' names."""
 
     nodes: Floats
     names: tuple[str, ...]
@@ -48,8 +51,8 @@ class RouteGraph:
 
 
 def route_graph(site: SiteMap) -> RouteGraph:
-    """The graph of all rows' paths, with a node before each bay that a path comes near. Raises OutputError where rows have no common
-    frame."""
+    """The graph of all rows' paths, with a node before each bay that a path comes near. Raises OutputError where rows
+    have no common frame."""
     paths = _Paths()
     driven = [drive for drive in drives(site) if len(drive.frames)]
     for drive in driven:
@@ -148,8 +151,8 @@ def _pieces(drive: Drive) -> Iterator[Floats]:
 
 
 def _one_way(path: Floats) -> list[Floats]:
-    """The path (n, 2) in parts, split where it turns back along its main direction or across it: what came back beside the way out can then
-    be told from it. Each part begins where the one before it ends."""
+    """The path (n, 2) in parts, split where it turns back along its main direction or across it: what came back beside
+    the way out can then be told from it. Each part begins where the one before it ends."""
     _, _, axes = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)
     parts = [path]
     for axis in axes:
@@ -174,7 +177,8 @@ def _turns(along: Floats) -> list[int]:
 
 
 def _split(path: Floats, turns: Sequence[int]) -> list[Floats]:
-    """The path's parts between the turns, which belong to both sides. What is shorter than `LEAST_M` stays with what follows."""
+    """The path's parts between the turns, which belong to both sides. What is shorter than `LEAST_M` stays with what
+    follows."""
     starts = [0, *(turn for turn in turns if _length(path[: turn + 1]) >= LEAST_M)]
     return [path[first : last + 1] for first, last in pairwise([*starts, len(path) - 1])]
 
@@ -216,7 +220,8 @@ def _spaced(line: Floats) -> Floats:
 
 
 def _onto(starts: Floats, ends: Floats, point: Floats) -> Floats:
-    """The nearest place (n, 2) to a point on each of the segments from starts (n, 2) to ends (n, 2); of points (m, 1, 2), (m, n, 2)."""
+    """The nearest place (n, 2) to a point on each of the segments from starts (n, 2) to ends (n, 2); of points (m, 1,
+    2), (m, n, 2)."""
     steps = ends - starts
     squares = np.maximum((steps**2).sum(axis=-1), 1e-18)
     share = np.clip(((point - starts) * steps).sum(axis=-1) / squares, 0.0, 1.0)

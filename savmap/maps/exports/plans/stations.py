@@ -1,7 +1,7 @@
 """Where vehicles stop: before each bay of a row, on the path nearest to it.
 
-A bay is what structures have the same number of as their attribute `bay`; what is written on structures that hang there (`bay`,
-`text`) is its title.
+A bay is what structures have the same number of as their attribute `bay`; what is written on structures that hang there
+(`bay`, `text`) is its title.
 """
 
 from collections.abc import Iterator

@@ -31,8 +31,8 @@ SCHEMAS = {
 
 
 def write_mcap(site: SiteMap, path: Path) -> None:
-    """MCAP with `/map` (an entity for each structure, its attributes and standard deviations as metadata) and, for each pass, `/drive/ROW/PASS`.
-    Needs the extra `ros`."""
+    """MCAP with `/map` (an entity for each structure, its attributes and standard deviations as metadata) and, for each
+    pass, `/drive/ROW/PASS`. Needs the extra `ros`."""
     require_library("mcap", "ros")
     from mcap.writer import Writer
 

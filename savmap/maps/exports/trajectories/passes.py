@@ -1,4 +1,5 @@
-"""The located frames of a map, pass by pass, in the world's frame, and the names that their pictures have in exports."""
+"""The located frames of a map, pass by pass, in the world's frame, and the names that their pictures have in
+exports."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,9 +18,9 @@ WIDTH_PX, HEIGHT_PX = 3840, 1920
 @dataclass(frozen=True, eq=False)
 @array_record
 class PassFrames:
-    """The located frames of one pass: numbers (n) in the row, times (n) s in the pass's video, world_from_rig (n, 4, 4), z up; the rig's axes are
-    x right, y down, z ahead. `folder`: row and pass as the name of a folder, of letters, digits, dots, dashes and underscores; no other pass of
-    the map has it, nor one that differs by capitals alone."""
+    """The located frames of one pass: numbers (n) in the row, times (n) s in the pass's video, world_from_rig (n, 4,
+    4), z up; the rig's axes are x right, y down, z ahead. `folder`: row and pass as the name of a folder, of letters,
+    digits, dots, dashes and underscores; no other pass of the map has it, nor one that differs by capitals alone."""
 
     row: str
     name: str
@@ -53,7 +54,8 @@ def _folders(names: Sequence[str]) -> list[str]:
 
 
 def plain(text: str) -> str:
-    """A text as a part of a path: what is no letter or digit of ASCII, dot, dash or underscore becomes an underscore."""
+    """A text as a part of a path: what is no letter or digit of ASCII, dot, dash or underscore becomes an
+    underscore."""
     kept = "".join(
         letter if letter.isascii() and (letter.isalnum() or letter in ".-_") else "_" for letter in visible(text)
     )

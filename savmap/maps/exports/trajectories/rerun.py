@@ -12,8 +12,8 @@ from savmap.types import SiteMap
 
 
 def write_rerun(site: SiteMap, path: Path) -> None:
-    """`map/ROW/PLUGIN/ID` as line strips with a label, attributes and standard deviations; `drive/ROW/PASS` with its path, and its pose over the
-    video's time. Needs the extra `rerun`."""
+    """`map/ROW/PLUGIN/ID` as line strips with a label, attributes and standard deviations; `drive/ROW/PASS` with its
+    path, and its pose over the video's time. Needs the extra `rerun`."""
     require_library("rerun", "rerun")
     import rerun
 

@@ -37,7 +37,8 @@ MARKER_ARRAY = BREAK.join(
 
 
 def write_rosbag2(site: SiteMap, path: Path) -> None:
-    """MCAP with one visualization_msgs/MarkerArray on `/savmap/map`: a LINE_LIST and a text for each structure. Needs the extra `ros`."""
+    """MCAP with one visualization_msgs/MarkerArray on `/savmap/map`: a LINE_LIST and a text for each structure. Needs
+    the extra `ros`."""
     require_library("mcap_ros2", "ros")
     from mcap_ros2.writer import Writer
 

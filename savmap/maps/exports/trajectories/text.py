@@ -20,8 +20,9 @@ GREY = "160 160 160"
 
 
 def write_tum(site: SiteMap, path: Path) -> None:
-    """TUM's text: time in s, position in m, quaternion x y z w of world_from_rig; one pass, or a zip of all where the path ends with .zip. Raises
-    OutputError for several passes and another ending, and for a map without a camera path."""
+    """TUM's text: time in s, position in m, quaternion x y z w of world_from_rig; one pass, or a zip of all where the
+    path ends with .zip. Raises OutputError for several passes and another ending, and for a map without a camera
+    path."""
     found = _driven(site)
     if path.suffix == ".zip":
         return write_archive(path, {f"{each.folder}.tum": _tum(each).encode() for each in found})
@@ -33,8 +34,8 @@ def write_tum(site: SiteMap, path: Path) -> None:
 
 
 def write_nerfstudio(site: SiteMap, path: Path) -> None:
-    """nerfstudio's transforms.json: world_from_camera of panoramas in OpenGL's axes, z up. Raises OutputError for a map without a camera
-    path."""
+    """nerfstudio's transforms.json: world_from_camera of panoramas in OpenGL's axes, z up. Raises OutputError for a map
+    without a camera path."""
     frames = [
         {"file_path": f"images/{picture}", "transform_matrix": (pose @ OPENGL_FROM_RIG).round(9).tolist()}
         for each in _driven(site)
@@ -47,8 +48,9 @@ def write_nerfstudio(site: SiteMap, path: Path) -> None:
 
 
 def write_colmap(site: SiteMap, path: Path) -> None:
-    """A zip of COLMAP's text model: one EQUIRECTANGULAR camera, an image for each located frame, and the map's vertices as points, which no image
-    sees. COLMAP's pixel centres lie at halves: its x is savmap's and 0.5. Raises OutputError for a map without a camera path."""
+    """A zip of COLMAP's text model: one EQUIRECTANGULAR camera, an image for each located frame, and the map's vertices
+    as points, which no image sees. COLMAP's pixel centres lie at halves: its x is savmap's and 0.5. Raises OutputError
+    for a map without a camera path."""
     images = [_image(*one) for one in enumerate(_frames(_driven(site)), 1)]
     files = {
         "cameras.txt": f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 EQUIRECTANGULAR {WIDTH_PX} {HEIGHT_PX} {WIDTH_PX} {HEIGHT_PX}\n",

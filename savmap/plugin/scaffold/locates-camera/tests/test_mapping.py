@@ -38,7 +38,8 @@ def plugin() -> Pillars:
 
 
 def path() -> Trajectory:
-    """The camera goes along x at 1.4 m, 2.4 m in front of the face, now faster, now slower, and looks straight at it."""
+    """The camera goes along x at 1.4 m, 2.4 m in front of the face, now faster, now slower, and looks straight at
+    it."""
     poses = np.tile(np.eye(4), (FRAMES, 1, 1))
     poses[:, :3, :3] = LEVEL
     along = np.linspace(0.0, 8.5, FRAMES) + 0.3 * np.sin(np.linspace(0, 9, FRAMES))

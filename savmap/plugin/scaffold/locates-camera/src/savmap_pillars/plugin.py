@@ -49,7 +49,8 @@ class Pillars:
         manual: Mapping[str, door.Manual],
         attitude: Floats | None,
     ) -> door.ViewPlan:
-        """The view that shows most of pillars, from foot to top: that way is the face. The plan says how the rig stands to it."""
+        """The view that shows most of pillars, from foot to top: that way is the face. The plan says how the rig stands
+        to it."""
         return door.face_view_plan(pass_preview, predict, side, manual, attitude, self.name, finds_face=True)
 
     @hookimpl
@@ -66,16 +67,17 @@ class Pillars:
     def track(
         self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start: Trajectory | None
     ) -> list[Track]:
-        """The same pillar is at the same place along the face. The path is not known (unless an earlier map gives it): it is
-        estimated in units of the camera's distance, from the steps that all pillars make from frame to frame."""
+        """The same pillar is at the same place along the face. The path is not known (unless an earlier map gives it):
+        it is estimated in units of the camera's distance, from the steps that all pillars make from frame to frame."""
         return door.tracks_along_face(features, facts, attitudes, anchor="foot")
 
     @hookimpl
     def constrain(
         self, tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: door.KeySpace
     ) -> door.Constraints:
-        """A top stands over its foot, and as high above it as is known, if it is. Feet are on the floor, y = 0, and all fronts in
-        the face, z = 0; the first foot is at x = 0. Without these the map would have no place; its scale comes from references."""
+        """A top stands over its foot, and as high above it as is known, if it is. Feet are on the floor, y = 0, and all
+        fronts in the face, z = 0; the first foot is at x = 0. Without these the map would have no place; its scale
+        comes from references."""
         objects = door.keys_by_object(tracks, keys)
         relations = [door.fixed_coordinate("x", next(iter(objects.values()))["foot"])]
         for label, ends in objects.items():
@@ -104,7 +106,8 @@ class Pillars:
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
-        """How far feet and tops are from the survey's: `pillars: [[foot, top], ...]`, each x, y, z in the row's frame, m."""
+        """How far feet and tops are from the survey's: `pillars: [[foot, top], ...]`, each x, y, z in the row's frame,
+        m."""
         return door.score_points(structures, door.surveyed_points(survey, self.name, 2), GATE_M, self.name)
 
     @hookimpl

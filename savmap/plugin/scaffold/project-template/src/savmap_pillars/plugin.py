@@ -96,7 +96,8 @@ class Pillars:
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
-        """How far feet and tops are from the survey's: `pillars: [[foot, top], ...]`, each x, y, z in the row's frame, m."""
+        """How far feet and tops are from the survey's: `pillars: [[foot, top], ...]`, each x, y, z in the row's frame,
+        m."""
         return door.score_points(structures, door.surveyed_points(survey, self.name, 2), GATE_M, self.name)
 
     @hookimpl

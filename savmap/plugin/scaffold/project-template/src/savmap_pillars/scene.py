@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from savmap.sim.posts import build_posts, random_posts
+from savmap.lab.sim.posts import build_posts, random_posts
 from savmap.types.scenes import RandomSection, SceneParts, Site
 
 
 def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
-    """A box for each pillar (savmap.sim.primitives has other shapes), and foot and top of its front in every mapped row."""
+    """A box for each pillar (savmap.lab.sim.primitives has other shapes), and foot and top of its front in every mapped
+    row."""
     return build_posts(section, site, "pillars", "pillar")
 
 

@@ -1,0 +1,140 @@
+"""Simulated masks' edges of racks, and their features as boundary detection would give them from pictures: for tests
+without pixels.
+
+What is not in a picture is not redone here: masks become strips, and from there on the rules and the intersections are
+those of `boundaries/`.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from savmap.geometry.lines import Lines
+from savmap.lab.sim.drive.cart import Drive
+from savmap.lab.sim.drive.optics import Optics
+from savmap.lab.sim.observations import MaskErrors, ObservedEdge, Strip, long_strip, observe_strips, tall_strip
+from savmap.lab.sim.scene.build import Built, row_fronts
+from savmap.types import Bools, Feature, Floats, Ints, View, ViewSpec
+from savmap_shelves.boundaries.features import (
+    Extraction,
+    Separators,
+    beam_features,
+    sorted_beams,
+    sorted_separators,
+    upright_edges,
+)
+from savmap_shelves.boundaries.merging import longest_only
+from savmap_shelves.boundaries.settings import BoundarySettings
+from savmap_shelves.boundaries.strips import Strips
+
+SIGMA_PX = 0.7
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Which structure: its `label`, and its number, or its section and level in that; both count from 0."""
+
+    label: str
+    section: int
+    level: int = -1
+
+
+def strips(built: Built, row: str) -> list[Strip]:
+    """The fronts of a mapped row's uprights, left to right, then of its beams, by section from the bottom up."""
+    fronts = row_fronts(built, row)
+    uprights = sorted(
+        (front for front in fronts if front.label == "upright"), key=lambda front: (front.low, front.high)
+    )
+    starts = np.array([front.low[0] for front in uprights])
+    beams = sorted(
+        (int((starts < front.low[0]).sum()) - 1, front.low[1], front.low, front.high, front)
+        for front in fronts
+        if front.label == "beam"
+    )
+    sections = [section for section, *_ in beams]
+    return [tall_strip(front, Truth("upright", number)) for number, front in enumerate(uprights)] + [
+        long_strip(beam[-1], Truth("beam", beam[0], index - sections.index(beam[0])))
+        for index, beam in enumerate(beams)
+    ]
+
+
+def observe(
+    built: Built,
+    row: str,
+    path: Drive,
+    spec: ViewSpec,
+    errors: MaskErrors,
+    seed: int,
+    optics: Optics | None = None,
+) -> Iterator[list[ObservedEdge]]:
+    """The edges of a row's uprights and beams in every frame of a drive; see
+    `savmap.lab.sim.observations.observe_strips`."""
+    return observe_strips(strips(built, row), built.frames[row], path, spec, errors, seed, optics)
+
+
+def observed_features(
+    edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX, settings: BoundarySettings | None = None
+) -> list[Feature]:
+    """The features of one frame; `sigma_px` is what an edge's end is taken to be off by."""
+    if not edges:
+        return []
+    number = edges[0].frame
+    settings = settings or BoundarySettings()
+    frame = Extraction(_blank(spec, number), settings, settings.least_sigma_px)
+    separators = sorted_separators(frame, longest_only(_strips(edges, "upright", sigma_px)), spec.height)
+    beams = _strips(edges, "beam", sigma_px)
+    beams = _in_cells(beams, separators)
+    return [
+        *upright_edges(frame, separators),
+        *beam_features(frame, sorted_beams(frame, longest_only(beams), separators), separators),
+    ]
+
+
+def _blank(spec: ViewSpec, number: int) -> View:
+    picture = np.broadcast_to(np.zeros(1, dtype=np.uint8), (spec.height, spec.width, 3))
+    return View(spec, number, 0.0, picture)
+
+
+def _in_cells(beams: Strips, separators: Separators) -> Strips:
+    """Beams in the gap between separators that their middle lies in; without those whose middle is on a separator."""
+    column = (beams.first + beams.last) / 2
+    row = beams.upper.at(column)[:, None]
+    left, right = separators.strips.upper.at(row), separators.strips.lower.at(row)
+    covered = ((column[:, None] > left) & (column[:, None] < right)).any(axis=1)
+    cell: Ints = (column[:, None] > (left + right) / 2).sum(axis=1)
+    inside: Bools = np.logical_not(covered)
+    parts = list(vars(beams).values())
+    return Strips(parts[0], parts[1], cell, *parts[3:])[inside]
+
+
+def _strips(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> Strips:
+    """The masks of a class as strips: u along them, v across."""
+    masks: dict[int, dict[str, Floats]] = {}
+    for edge in edges:
+        if edge.label == label:
+            masks.setdefault(edge.instance, {})[edge.side] = edge.pixels
+    sides = ("left", "right") if label == "upright" else ("upper", "lower")
+    ends = np.array([[mask[side] for side in sides] for mask in masks.values()]).reshape(-1, 2, 2, 2)
+    ends = ends[..., ::-1] if label == "upright" else ends
+    upper, lower = (_lines(ends[:, side], sigma_px) for side in (0, 1))
+    first, last = np.fmin(upper.first, lower.first), np.fmax(upper.last, lower.last)
+    count = np.zeros(len(ends), dtype=np.int64)
+    return Strips(upper, lower, count, first, last, last - first, np.ones(len(ends)))
+
+
+def _lines(ends: Floats, sigma_px: float) -> Lines:
+    """Lines through pairs of points (n, 2, 2), u and v, of which each v is off by `sigma_px`."""
+    middle, run = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    length = np.where(np.abs(run[:, 0]) > 1.0, run[:, 0], 1.0)
+    half = np.full(len(ends), sigma_px**2 / 2)
+    return Lines(
+        middle[:, 0],
+        run[:, 1] / length,
+        middle[:, 1],
+        4 * half / length**2,
+        half,
+        ends[:, :, 0].min(axis=1),
+        ends[:, :, 0].max(axis=1),
+        np.abs(length),
+    )

@@ -1,0 +1,209 @@
+"""Racks for the simulator: uprights, beams, decks and bracing of every row, with their survey and places for goods.
+
+Everything is built in the row's own frame (x along the aisle, y up, z out of the face, which is z = 0), then put into
+the world. Only the +z faces of mapped rows' front uprights and beams carry labels.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from savmap.types.scenes import (
+    Box,
+    Hall,
+    Material,
+    Rgb,
+    RowFrame,
+    RowSize,
+    SceneError,
+    SceneParts,
+    Site,
+    Strict,
+    Support,
+    span,
+    validated,
+)
+from savmap_shelves.lab.rack import Bay, Rack, Texture, top_of, upright_starts
+from savmap_shelves.lab.rack_extras import beam_labels, guard, sign
+
+
+class Racks(Strict):
+    """The section of a scene file: a rack for each row."""
+
+    rows: dict[str, Rack]
+
+
+def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+    """The boxes of all racks. Raises SceneError for a row the scene does not place or a rack taller than the hall."""
+    racks = validated(Racks, section, "structures.shelves").rows
+    boxes: list[Box] = []
+    supports: list[Support] = []
+    for name, rack in racks.items():
+        frame = _frame_of(name, site)
+        _check_height(name, rack, site.hall)
+        boxes += [_placed(box, frame) for box in _rack(rack, rng)]
+        supports += _supports(rack, frame)
+    survey = {name: survey_of(rack) for name, rack in racks.items() if site.frames[name].mapped}
+    references = {name: _references(entry) for name, entry in survey.items()}
+    return SceneParts(
+        boxes,
+        survey,
+        supports,
+        sizes={
+            name: RowSize(upright_starts(rack)[-1] + rack.upright_width, top_of(rack)) for name, rack in racks.items()
+        },
+        references=references,
+        site_rows={name: _site_row(known) for name, known in references.items()},
+    )
+
+
+def survey_of(rack: Rack) -> dict[str, Any]:
+    """A rack's entry of a survey file: uprights and sections."""
+    sections = [[[y, y + _beam_height(rack, bay)] for y in bay.beams] for bay in rack.bays]
+    return {
+        "uprights": [[x, x + rack.upright_width] for x in upright_starts(rack)],
+        "sections": [{"beams": beams} for beams in sections],
+    }
+
+
+def _references(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a user would measure of a row with a tape, as references.json has it."""
+    lowest = [section["beams"][0][0] if section["beams"] else None for section in entry["sections"]]
+    length = entry["uprights"][-1][1] - entry["uprights"][0][0]
+    return {
+        "lowest_beam_bottom_height_m": {"values": lowest, "sigma": 0.002},
+        "first_to_last_upright_outer_edges_m": {"value": round(length, 4), "sigma": 0.003},
+    }
+
+
+def _site_row(known: Mapping[str, Any]) -> dict[str, Any]:
+    """The same in the row's entry of a site file."""
+    lowest, length = known["lowest_beam_bottom_height_m"], known["first_to_last_upright_outer_edges_m"]
+    last = f"upright {len(lowest['values']) + 1} / right"
+    row: dict[str, Any] = {"references": {"lengths": [{"between": ["upright 1 / left", last], **length}]}}
+    if any(value is not None for value in lowest["values"]):
+        row["plugins"] = {"shelves": {"lowest_beam_bottom_height_m": lowest}}
+    return row
+
+
+def _beam_height(rack: Rack, bay: Bay) -> float:
+    return bay.beam_height or rack.beam_height
+
+
+def _frame_of(name: str, site: Site) -> RowFrame:
+    if name not in site.frames:
+        raise SceneError(f"structures.shelves.rows.{name}: `rows` does not place a row {name}")
+    return site.frames[name]
+
+
+def _check_height(name: str, rack: Rack, hall: Hall) -> None:
+    if top_of(rack) >= hall.height:
+        raise SceneError(f"structures.shelves.rows.{name}: {top_of(rack):.2f} m is not below the ceiling (hall.height)")
+
+
+def _placed(box: Box, frame: RowFrame) -> Box:
+    return replace(
+        box,
+        center=frame.to_world(box.center),
+        rotation=frame.world_from_row @ box.rotation,
+        face_labels=box.face_labels if frame.mapped else {},
+    )
+
+
+def _rack(rack: Rack, rng: np.random.Generator) -> Iterator[Box]:
+    for start in upright_starts(rack):
+        yield from _frame(rack, start, rng)
+    for bay, start in zip(rack.bays, upright_starts(rack), strict=False):
+        for bottom in bay.beams:
+            yield from _level(rack, bay, start + rack.upright_width, bottom, rng)
+
+
+def _paint(rack: Rack, color: Rgb, texture: Texture, rng: np.random.Generator) -> Material:
+    dark = tuple(c * 0.15 for c in color) if texture == "holes" else tuple(c * 0.5 for c in color)
+    return Material(
+        color,
+        texture,
+        second_color=(dark[0], dark[1], dark[2]),
+        scale_m=rack.hole_pitch if texture == "holes" else float(rng.uniform(0.4, 1.2)),
+        contrast=float(rng.uniform(0.6, 1.0)) if texture == "holes" else float(rng.uniform(0.1, 0.5)),
+        roughness=rack.roughness,
+        metallic=rack.metallic,
+        seed=int(rng.integers(1 << 30)),
+    )
+
+
+def _frame(rack: Rack, start: float, rng: np.random.Generator) -> Iterator[Box]:
+    x = (start, start + rack.upright_width)
+    y = (0.0, top_of(rack))
+    front = span(x, y, (-rack.upright_depth, 0.0), _paint(rack, rack.upright_color, rack.upright_texture, rng))
+    yield replace(front, face_labels={"+z": "upright"})
+    plain = _paint(rack, rack.rear_color or rack.upright_color, "plain", rng)
+    yield span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(plain, texture=rack.upright_texture))
+    if rack.bracing:
+        yield from _bracing(rack, (x[0] + x[1]) / 2, plain, rng)
+    if rng.random() < rack.guards:
+        yield guard(rack, x, rng)
+    if rng.random() < rack.signs:
+        yield sign(rack, x, rng)
+
+
+def _bracing(rack: Rack, x: float, paint: Material, rng: np.random.Generator) -> Iterator[Box]:
+    step = float(rng.uniform(0.7, 1.3))
+    z = (-rack.depth + rack.upright_depth, -rack.upright_depth)
+    run = z[1] - z[0]
+    heights = np.arange(0.25, top_of(rack) - step - 0.05, step)
+    for index, y in enumerate(heights):
+        slope = np.arctan2(step, run) * (1 if index % 2 else -1)
+        turn = np.array([[1, 0, 0], [0, np.cos(slope), -np.sin(slope)], [0, np.sin(slope), np.cos(slope)]])
+        yield Box(np.array([x, y + step / 2, sum(z) / 2]), np.array([0.03, 0.03, np.hypot(step, run)]), paint, turn)
+        if index == 0:
+            yield span((x - 0.015, x + 0.015), (y, y + 0.04), z, paint)
+
+
+def _level(rack: Rack, bay: Bay, left: float, bottom: float, rng: np.random.Generator) -> Iterator[Box]:
+    x, y = (left, left + bay.width), (bottom, bottom + _beam_height(rack, bay))
+    front = -rack.setback
+    paint = _paint(rack, rack.beam_color, rack.beam_texture, rng)
+    yield replace(span(x, y, (front - rack.beam_thickness, front), paint), face_labels={"+z": "beam"})
+    rear = _paint(rack, rack.rear_color or rack.beam_color, "plain", rng)
+    yield span(x, y, (-rack.depth, -rack.depth + rack.beam_thickness), rear)
+    yield from _deck(rack, x, y[1], rng)
+    yield from beam_labels(rack, x, y, rng)
+
+
+def _deck(rack: Rack, x: tuple[float, float], top: float, rng: np.random.Generator) -> Iterator[Box]:
+    if rack.deck == "none":
+        yield from _cross_bars(rack, x, top)
+        return
+    looks: dict[str, Material] = {
+        "steel": Material(rack.deck_color, "scratches", (0.15, 0.15, 0.15), 0.8, 0.3, metallic=rack.metallic),
+        "wood": Material((0.45, 0.31, 0.18), "wood", (0.25, 0.16, 0.08), 0.5, 0.6),
+        "wire": Material((0.45, 0.46, 0.48), "wire", (0.04, 0.04, 0.04), 0.08, 1.0),
+    }
+    z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
+    thickness = 0.02 if rack.deck != "steel" else 0.03
+    yield span(x, (top - thickness, top - 0.0005), z, replace(looks[rack.deck], seed=int(rng.integers(1 << 30))))
+
+
+def _cross_bars(rack: Rack, x: tuple[float, float], top: float) -> Iterator[Box]:
+    bar = Material(rack.rear_color or rack.beam_color)
+    z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
+    for middle in np.linspace(x[0], x[1], 5)[1:-1]:
+        yield span((middle - 0.02, middle + 0.02), (top - 0.04, top - 0.001), z, bar)
+
+
+def _supports(rack: Rack, frame: RowFrame) -> Iterator[Support]:
+    starts = upright_starts(rack)
+    for bay, start in zip(rack.bays, starts, strict=False):
+        if bay.empty:
+            continue
+        x = (start + rack.upright_width + 0.02, start + rack.upright_width + bay.width - 0.02)
+        tops = [y + _beam_height(rack, bay) for y in bay.beams]
+        if not bay.beams or bay.beams[0] > 0.4:
+            tunnel = not bay.beams or bay.beams[0] > 2.4
+            tops = tops if tunnel else [0.0, *tops]
+        for top in tops:
+            above = [y for y in bay.beams if y > top]
+            yield Support(frame, x, (-rack.depth, 0.0), top, (above[0] if above else top + 1.2) - top)

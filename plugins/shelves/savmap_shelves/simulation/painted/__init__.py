@@ -1,1 +1,0 @@
-"""Fast pictures of racks with exact masks for training: `python -m savmap_shelves.simulation.painted --count 100 -o DIR`."""

@@ -1,0 +1,2 @@
+"""The laboratory: what makes networks and footage with truth. Mapping needs none of it, and no module outside it
+imports it."""

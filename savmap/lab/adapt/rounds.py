@@ -1,0 +1,270 @@
+"""One round: views labelled by the map, labels completed by a teacher, the network trained on these, the site mapped
+with it, and whether that is better."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from savmap.errors import SavmapError, SiteError, SolveError, StructureError
+from savmap.files.atomic import read_json, sha256, write_text
+from savmap.jobs.map_site import SiteRun, map_job_into
+from savmap.jobs.scheduler import RunOptions
+from savmap.lab.adapt.distillation import distilled
+from savmap.lab.adapt.labels import HELD_OUT, LabelSets, write_labels
+from savmap.lab.adapt.records import (
+    AdaptOptions,
+    Meter,
+    RoundResult,
+    State,
+    job_with_network,
+    job_without_lengths,
+    mean,
+)
+from savmap.lab.train import TrainingPlan, train
+from savmap.lab.train.data.sets import read_set
+from savmap.lab.train.plan import float_model, minutes_of, trained_classes
+from savmap.maps.map_file import read_map
+from savmap.site.job import Job, prepare
+from savmap.types.progress import Monitor
+
+RECIPE = 2
+"""Rounds that another recipe began are begun anew."""
+KEY, SCORES, RESULT, MAP = "key", "training.json", "round.json", "map"
+TEACHER, DISTILLED = "teacher", "distilled-"
+TEACHING = 0.4
+"""The share of the time, or of the steps, in which the teacher learns."""
+FORGETFUL = 4
+"""The teacher is shown every fourth picture of other places."""
+FORGOTTEN = 0.005
+"""A network that has so much less intersection over union on pictures of other places than the one that the site began
+with is not kept."""
+FEWER = 0.01
+"""A network with which the map has fewer structures that nothing doubts, by more than this share, is not kept. Two
+equally good maps differ by less."""
+INTEGERS = ".int8.onnx"
+
+
+@dataclass(frozen=True, eq=False)
+class Adaptation:
+    """A site that teaches a plugin's network: the job, the plugin's name and its network's classes, the options, data
+    sets against forgetting, where all is written, who is told, a data set of other places that nothing learns from, and
+    the networks that may be taught in place of the one that made the first map (none where the user names one)."""
+
+    job: Job
+    plugin: str
+    classes: Sequence[str]
+    options: AdaptOptions
+    replay: Sequence[Path]
+    folder: Path
+    monitor: Monitor
+    meter: Meter
+    others: Path | None = None
+    candidates: Sequence[Path] = ()
+
+    def mapped(self, model: Path, trainable: Path, folder: Path, named: bool = True) -> State:
+        """The site's map with a network, made in a folder unless it is there; one that is not `named` is chosen row by
+        row, as `savmap map` does. Rows in which a structure that a distance is given to is not found are mapped without
+        distances. Raises SavmapError's kinds."""
+        job = replace(job_with_network(self.job, self.plugin, model) if named else self.job, output=folder)
+        prepare(folder)
+        run, failed = self._run(job)
+        partial = {name: error for name, error in failed.items() if isinstance(error, SiteError)}
+        if partial:
+            self.monitor.note(f"mapping {', '.join(partial)} without distances: {next(iter(partial.values()))}")
+            run, failed = self._run(job_without_lengths(job, partial))
+        if run is None:
+            raise next(iter(failed.values()))
+        return State(model, trainable, folder / "map.json", run.site_map)
+
+    def _run(self, job: Job) -> tuple[SiteRun | None, Mapping[str, SavmapError]]:
+        """What mapping gave, if anything, and the errors of rows that could not be mapped; where none could, that of
+        the first stands for all."""
+        try:
+            run = map_job_into(job, RunOptions(self.options.jobs), self.monitor)
+        except SavmapError as error:
+            return None, dict.fromkeys(job.site.rows, error)
+        return run, run.failed_rows
+
+
+def played(work: Adaptation, number: int, start: State, others_first: float | None = None) -> tuple[RoundResult, State]:
+    """A round's result, and the network and map to go on with: the new ones if it is kept. A finished round is not
+    played again. `others_first`: the intersection over union on other places of the network that the first round began
+    with; None in that round."""
+    folder = _folder_for(work, number, start)
+    if (folder / RESULT).is_file():
+        result = _read_result(folder / RESULT)
+        return result, _state_of(work, folder, start) if result.kept else start
+    job = job_with_network(work.job, work.plugin, start.model)
+    sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
+    taught = start if number > 1 else most_agreeing(work, start, sets)
+    scores = _trained(work, folder, taught, sets)
+    result, state = _judged(work, number, folder, taught, scores, others_first)
+    state = state if result.kept else start
+    result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
+    write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
+    return result, state
+
+
+def most_agreeing(work: Adaptation, start: State, sets: LabelSets) -> State:
+    """The start with that of the candidates which agrees best with the map, on the views to choose by.
+
+    The network that sees most made the first map; another, which sees less, may tell better where a member ends. Raises
+    ModelError."""
+    if len({*work.candidates, start.model}) < 2:
+        return start
+    from savmap.lab.train.measure import score_file  # keeps `savmap --help` fast
+
+    samples = read_set(sets.choice, work.classes).samples
+    agreement = {
+        model: score_file(float_model(model), samples, work.classes).mean
+        for model in dict.fromkeys([start.model, *work.candidates])
+    }
+    best = max(agreement, key=lambda model: agreement[model])
+    told = ", ".join(f"{model.name} {share:.3f}" for model, share in agreement.items())
+    work.monitor.note(f"`{work.plugin}` is taught beginning with {best.name}, which agrees best with the map ({told})")
+    return replace(start, model=best, trainable=float_model(best))
+
+
+def _folder_for(work: Adaptation, number: int, start: State) -> Path:
+    """A round's folder, emptied where what it was begun with has changed."""
+    folder = work.folder / f"round-{number}"
+    options = work.options
+    replay = [str(path.resolve()) for path in work.replay]
+    parts = [
+        RECIPE,
+        start.digest,
+        options.minutes,
+        options.steps,
+        options.views,
+        options.practice,
+        replay,
+        str(work.others),
+        list(work.job.site.rows),
+        [sha256(model) for model in work.candidates],
+    ]
+    key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    known = folder / KEY
+    if not known.is_file() or known.read_text(encoding="utf-8") != key:
+        shutil.rmtree(folder, ignore_errors=True)
+        prepare(folder)
+        write_text(known, key)
+    return folder
+
+
+def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> Mapping[str, Any]:
+    """How well the network does on the views that are held out and on other places, before and after, by class. It is
+    trained unless it is there.
+
+    For `TEACHING` of the time the map teaches another network, which completes the map's labels. By these the network
+    is trained. The other one is shown few pictures of other places: it may forget them, and sees the site's style the
+    better for it.
+    """
+    (minutes, steps), rest = (_budget(work.options, share) for share in (TEACHING, 1 - TEACHING))
+    teacher = TrainingPlan(
+        trained_classes(work.classes, work.classes, start.trainable),
+        [sets.views],
+        folder / f"{TEACHER}.onnx",
+        minutes,
+        init=start.trainable,
+        steps=steps,
+        choose_by=[sets.choice],
+        replay=work.replay,
+        replay_every=FORGETFUL,
+        one_site=True,
+    )
+    _lesson(work, teacher, folder / f"{TEACHER}.json", f"training a teacher of {work.plugin} by the map")
+    with work.meter("labelling by the teacher, magnified") as progress:
+        completed = {
+            one: distilled(teacher.output, one, folder / f"{DISTILLED}{one.name}", teacher.classes, progress)
+            for one in (sets.views, sets.choice)
+        }
+    measured = [sets.held_out, *([work.others] if work.others else [])]
+    student = replace(
+        teacher,
+        data=[completed[sets.views]],
+        choose_by=[completed[sets.choice]],
+        output=folder / f"{work.plugin}.onnx",
+        held_out=measured,
+        minutes=rest[0],
+        steps=rest[1],
+        replay_every=1,
+        int8=True,
+    )
+    scores = _lesson(work, student, folder / SCORES, f"training {work.plugin} by what the teacher sees")
+    return {
+        one.name: {
+            when: {label: score["iou"][label] for label in work.classes} for when, score in scores[one.name].items()
+        }
+        for one in measured
+    }
+
+
+def _budget(options: AdaptOptions, share: float) -> tuple[float, int | None]:
+    """The minutes, and the steps if these are given, of a share of a round's training."""
+    steps = max(round(share * options.steps), 1) if options.steps else None
+    return share * minutes_of(options.minutes, fine_tunes=True), steps
+
+
+def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Mapping[str, Any]:
+    """The scores of a training, which is done unless they are there."""
+    if not known.is_file():
+        with work.meter(doing) as progress:
+            network = train(plan, progress)
+        write_text(known, json.dumps(network.recipe["scores"], indent=1) + "\n")
+    scores: Any = read_json(known)
+    return dict(scores)
+
+
+def _judged(
+    work: Adaptation, number: int, folder: Path, start: State, scores: Mapping[str, Any], others_first: float | None
+) -> tuple[RoundResult, State]:
+    """Whether a round is kept, by the views that are held out, by pictures of other places and by what the new map
+    has."""
+    trained = "int8" if _in_integers(start.model) else "after"
+    before, after = scores[HELD_OUT]["before"], scores[HELD_OUT][trained]
+    others = scores[work.others.name] if work.others else {"before": {}, trained: {}}
+    there = start.structures(work.plugin, work.classes)
+    result = RoundResult(number, 0, 0, before, after, there, None, False, "", others["before"], others[trained])
+    if mean(after) <= mean(before):
+        return replace(result, why="the network agrees no better with the map on views held out"), start
+    if mean(result.others_after) < (mean(result.others_before) if others_first is None else others_first) - FORGOTTEN:
+        return replace(result, why="the network does worse on pictures of other places"), start
+    try:
+        state = _state_of(work, folder, start, anew=True)
+    except (StructureError, SolveError) as error:
+        return replace(result, why=f"the site cannot be mapped with the new network: {error}"), start
+    now = state.structures(work.plugin, work.classes)
+    if len(state.site_map.rows) < len(start.site_map.rows):
+        return replace(result, structures_after=now, why="fewer rows can be mapped with the new network"), start
+    if state.sound(work.plugin, work.classes) < (1 - FEWER) * start.sound(work.plugin, work.classes):
+        return replace(result, structures_after=now, why="the new map has fewer structures that nothing doubts"), start
+    return replace(result, structures_after=now, kept=True, why="the network agrees better with the map"), state
+
+
+def _state_of(work: Adaptation, folder: Path, start: State, anew: bool = False) -> State:
+    """The network of a round and its map, which is made or read."""
+    trainable = folder / f"{work.plugin}.onnx"
+    model = trainable.with_suffix(INTEGERS) if _in_integers(start.model) else trainable
+    if anew:
+        return work.mapped(model, trainable, folder / MAP)
+    return State(model, trainable, folder / MAP / "map.json", read_map(folder / MAP / "map.json"))
+
+
+def _in_integers(model: Path) -> bool:
+    return model.name.endswith(INTEGERS)
+
+
+def _read_result(path: Path) -> RoundResult:
+    content: Any = read_json(path)
+    try:
+        return RoundResult(**content)
+    except TypeError:
+        raise SavmapError(f"{path}: is of another version; remove {path.parent}") from None
+
+
+def _pictures(folder: Path) -> int:
+    return len(list((folder / "images").iterdir()))

@@ -1,0 +1,221 @@
+"""`savmap adapt`: the site teaches its own network, without a label."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from savmap.errors import SiteError, StructureError, VideoError
+from savmap.files.atomic import write_bytes, write_text
+from savmap.files.urls import is_url
+from savmap.jobs.cache import locked
+from savmap.lab.adapt.faces import outlines_of
+from savmap.lab.adapt.labels import HELD_OUT
+from savmap.lab.adapt.practice import OTHER_SEED, OTHERS, practice_set
+from savmap.lab.adapt.records import Adapted, AdaptOptions, Meter, RoundResult, State, job_of_rows, mean
+from savmap.lab.adapt.rounds import INTEGERS, Adaptation, played
+from savmap.lab.train import check_extra
+from savmap.lab.train.data.sets import read_set, read_sets
+from savmap.lab.train.plan import Progress, float_model, minutes_of
+from savmap.maps.map_file import read_map
+from savmap.pipeline.networks import best_for_pass, further_models
+from savmap.site.job import Job, job_for, prepare
+from savmap.site.overrides import Override
+from savmap.site.preflight import require_ready
+from savmap.types.progress import Monitor, SilentMonitor
+from savmap.vision.networks.files import network_digest
+from savmap.vision.views import Renderer
+
+FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
+SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png", "view.html")
+VIEWED = ("face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
+"""What of the new map is copied beside the network; the viewer keeps its scripts in folders."""
+MOST_LOOKED_AT = 6
+"""How many of a site's rows tell which network sees more."""
+
+
+@contextmanager
+def silent_meter(doing: str) -> Iterator[Progress]:
+    """Shows nothing."""
+    yield lambda done, line: None
+
+
+def adapt(
+    source: Path,
+    output: Path,
+    options: AdaptOptions,
+    overrides: Sequence[Override] = (),
+    monitor: Monitor | None = None,
+    meter: Meter = silent_meter,
+) -> Adapted:
+    """Map a site (or use the map in the output folder), train a plugin's network on views that the map labels, and map
+    again, as long as that is better; all results are in `adapted` in the output folder. What is finished is not done
+    again.
+
+    Raises SiteError for URLs and options, StructureError where there is no map to learn from, SavmapError's other kinds
+    as mapping and training do.
+    """
+    check_extra()
+    minutes_of(options.minutes, fine_tunes=True)
+    job = job_to_adapt(source, output, options, overrides)
+    name = plugin_of(job, options.plugin)
+    job = replace(job, plugins=list(dict.fromkeys([*job.plugins, name])))
+    require_ready(job)
+    opened = job.opened(next(iter(job.site.rows)), name)
+    require_one_network(job, name)
+    shown = monitor or SilentMonitor()
+    read_sets(options.replay, opened.classes)
+    model = used_network(job, name, shown)
+    trainable = float_model(model)
+    folder = output / FOLDER
+    prepare(folder)
+    with locked(folder):
+        candidates = [opened.model, *further] if (further := further_models(opened)) else []
+        alone = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter, None, candidates)
+        first = first_state(alone, model, opened.model_file, trainable, output / "map.json")
+        work = _beside_other_places(alone)
+        results, state = _rounds(work, first)
+        return _finished(work, first, state, results)
+
+
+def _beside_other_places(work: Adaptation) -> Adaptation:
+    """With pictures of other places against forgetting, unless some are given, and others that measure it."""
+
+    def pictures(count: int, folder: str, *seed: int) -> Path | None:
+        return practice_set(work.plugin, work.classes, count, work.folder / folder, work.monitor, *seed)
+
+    own = None if work.replay else pictures(work.options.practice, PRACTICE)
+    others = pictures(OTHERS, OTHER_PLACES, OTHER_SEED)
+    return replace(work, replay=[*work.replay, *([own] if own else [])], others=others)
+
+
+def job_to_adapt(source: Path, output: Path, options: AdaptOptions, overrides: Sequence[Override]) -> Job:
+    """The site's job with the wanted rows alone. Raises SiteError for what cannot be used, URLs among it."""
+    if is_url(source) or is_url(output):
+        raise SiteError(
+            f"{source if is_url(source) else output}: adapting needs local files: copy the site and its footage"
+        )
+    job = job_of_rows(job_for(source, None, output, overrides=overrides), options.rows)
+    for name, row in job.site.rows.items():
+        remote = next((one.video for one in row.passes if is_url(one.video)), None)
+        if remote is not None:
+            raise SiteError(f"row {name}: {remote}: adapting needs local files: copy the footage")
+    return job if job.site.plugins or options.plugin is None else replace(job, plugins=[options.plugin])
+
+
+def plugin_of(job: Job, named: str | None) -> str:
+    """Whose network is to be taught. Raises SiteError where that is not clear."""
+    if named is None and len(job.plugins) > 1:
+        raise SiteError(f"{job.source}: say whose network to teach: --plugin {' or --plugin '.join(job.plugins)}")
+    return named or job.plugins[0]
+
+
+def require_one_network(job: Job, plugin: str) -> None:
+    """Raise SiteError where rows use different networks."""
+    models = {name: job.opened(name, plugin).model for name in job.site.rows}
+    if len(set(models.values())) > 1:
+        raise SiteError(f"{job.source}: rows use different networks of `{plugin}`; teach those of one with --row")
+
+
+def used_network(job: Job, name: str, monitor: Monitor) -> Path:
+    """The network that first looks at most rows: the one that is configured, or, of those that a plugin comes with, the
+    one that sees more. Of a large site a few rows tell. A row whose footage cannot be looked at counts for none. Raises
+    ModelError, PluginError."""
+    chosen: Counter[Path] = Counter()
+    rows = [*job.site.rows]
+    own = job.opened(rows[0], name).model
+    few = np.linspace(0, len(rows) - 1, min(len(rows), MOST_LOOKED_AT)).round().astype(int)
+    for row in (rows[number] for number in few.tolist()):
+        with suppress(VideoError, StructureError):
+            chosen[best_for_pass(job.site.rows[row].passes[0], job.opened(row, name), Renderer()).model] += 1
+    most = max(chosen, key=lambda model: (chosen[model], model == own), default=own)
+    if most != own:
+        monitor.note(f"`{name}` first looks with {most.name}, which sees more here")
+    return most
+
+
+def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, there: Path) -> State:
+    """The network to begin with, and the map to learn from: the one in the output folder that the same networks made
+    (`model_file`, the plugin's own), or a new one, in which each row is looked at by the network that sees more. Raises
+    StructureError where that has no structures to learn from, and SavmapError's kinds where there is none."""
+    rows = work.job.site.rows
+    known = read_map(there) if there.is_file() else None
+    if (
+        known
+        and known.made_by.get(f"model {work.plugin}") == network_digest(model_file)
+        and {*known.rows, *known.failed} >= {*rows}
+    ):
+        work.monitor.note(f"using {there}")
+        mine = {name: row for name, row in known.rows.items() if name in rows}
+        state = State(model, trainable, there, replace(known, rows=mine))
+    else:
+        state = work.mapped(model, trainable, work.folder / FIRST, named=False)
+    structures = [one for row in state.site_map.rows.values() for one in row.structures.get(work.plugin, ())]
+    if not outlines_of(structures, work.classes):
+        raise StructureError(
+            f"{state.map_file}: has no outlines of `{work.plugin}` ({', '.join(work.classes)}) to learn from; see why it maps none"
+        )
+    return state
+
+
+def _rounds(work: Adaptation, state: State) -> tuple[list[RoundResult], State]:
+    """The rounds' results, up to the first that is not kept, and the best network with its map."""
+    results: list[RoundResult] = []
+    for number in range(1, work.options.rounds + 1):
+        others_first = mean(results[0].others_before) if results else None
+        result, state = played(work, number, state, others_first)
+        results.append(result)
+        work.monitor.note(f"round {number} is {'kept' if result.kept else 'not kept'}: {result.why}")
+        if not result.kept:
+            break
+    return results, state
+
+
+def _finished(work: Adaptation, first: State, state: State, results: Sequence[RoundResult]) -> Adapted:
+    """Write the results beside one another."""
+    kept = next((one for one in reversed(results) if one.kept), None)
+    last = kept or results[-1]
+    before = last.iou_before if last.number == 1 else _agreement(work, first.trainable, last.number)
+    adapted = Adapted(
+        work.plugin,
+        tuple(results),
+        tuple(_copied(work, state)) if kept else (),
+        before,
+        kept.iou_after if kept else before,
+        first.structures(work.plugin, work.classes),
+        state.structures(work.plugin, work.classes),
+        work.folder / REPORT,
+    )
+    write_text(adapted.report, json.dumps(adapted.as_json(), indent=1) + "\n")
+    return adapted
+
+
+def _agreement(work: Adaptation, model: Path, number: int) -> dict[str, float]:
+    """How well the first network agrees with a later round's map."""
+    from savmap.lab.train.measure import score_file  # keeps `savmap --help` fast
+
+    held_out = read_set(work.folder / f"round-{number}" / HELD_OUT, work.classes)
+    return {name: round(iou, 4) for name, iou in score_file(model, held_out.samples, work.classes).iou.items()}
+
+
+def _copied(work: Adaptation, state: State) -> Iterator[Path]:
+    """The best network's files and its map's, copied to where they are looked for; those that the viewer loads are not
+    told."""
+    for source in (state.trainable, state.trainable.with_suffix(INTEGERS)):
+        yield _copy(source, work.folder)
+    shown = state.map_file.parent
+    for pattern in SHOWN:
+        for source in sorted(shown.glob(pattern)):
+            yield _copy(source, work.folder)
+    for pattern in VIEWED:
+        for source in sorted(shown.glob(pattern)):
+            _copy(source, work.folder / source.parent.relative_to(shown))
+
+
+def _copy(source: Path, folder: Path) -> Path:
+    write_bytes(folder / source.name, source.read_bytes())
+    return folder / source.name

@@ -1,0 +1,145 @@
+"""Labelled pictures as labelling tools read them: COCO instances (CVAT, Label Studio), YOLO segments, and LabelMe's
+files.
+
+FOLDER/images/NAME.jpg with LabelMe's NAME.json beside it, FOLDER/labels/NAME.txt and data.yaml (YOLO),
+FOLDER/coco.json.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from savmap.errors import OutputError
+from savmap.files.atomic import write_text
+from savmap.lab.label.polygons import Polygon, area
+from savmap.video.image_folder import write_picture
+
+COCO, YOLO, IMAGES, LABELS = "coco.json", "data.yaml", "images", "labels"
+QUALITY = 95
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPicture:
+    """A picture (h, w, 3) uint8 RGB with the polygons of each class."""
+
+    name: str
+    image: NDArray[np.uint8]
+    shapes: Mapping[str, Sequence[Polygon]]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self.image.shape[1], self.image.shape[0]
+
+
+@dataclass(frozen=True)
+class LabelledSet:
+    """A set that was written: how many pictures and outlines, in three formats."""
+
+    folder: Path
+    pictures: int
+    outlines: int
+
+    @property
+    def coco(self) -> Path:
+        """The COCO instances."""
+        return self.folder / COCO
+
+    @property
+    def yolo(self) -> Path:
+        """The YOLO segments' data.yaml."""
+        return self.folder / YOLO
+
+    @property
+    def images(self) -> Path:
+        """The folder of the pictures and LabelMe's files."""
+        return self.folder / IMAGES
+
+
+def require_unused(folder: Path) -> None:
+    """Raise OutputError where a folder holds labels already: someone may have corrected them."""
+    there = next((name for name in (COCO, YOLO, IMAGES, LABELS) if (folder / name).exists()), None)
+    if there is not None:
+        raise OutputError(f"{folder}: holds {there} already, which may have been corrected; choose another -o")
+
+
+def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledPicture]) -> LabelledSet:
+    """Write pictures and labels in all three formats, each file whole; those that name all pictures come last.
+
+    Raises OutputError where something cannot be written, or where labels are there already."""
+    require_unused(folder)
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for picture in pictures:
+        bgr = np.ascontiguousarray(picture.image[..., ::-1])
+        write_picture(folder / IMAGES / f"{picture.name}.jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+        write_text(folder / IMAGES / f"{picture.name}.json", labelme(picture))
+        write_text(folder / LABELS / f"{picture.name}.txt", yolo(picture, classes))
+        width, height = picture.size
+        images.append({"id": len(images) + 1, "file_name": f"{picture.name}.jpg", "width": width, "height": height})
+        annotations += coco_annotations(picture, classes, len(images), len(annotations) + 1)
+    categories = [{"id": number, "name": name} for number, name in enumerate(classes, start=1)]
+    write_text(folder / YOLO, data_yaml(classes))
+    whole = {"images": images, "annotations": annotations, "categories": categories}
+    write_text(folder / COCO, json.dumps(whole) + "\n")
+    return LabelledSet(folder, len(images), len(annotations))
+
+
+def coco_annotations(
+    picture: LabelledPicture, classes: Sequence[str], image: int, first: int
+) -> Iterator[dict[str, Any]]:
+    """An annotation for each polygon of a picture, numbered from `first`."""
+    labelled = [(classes.index(name) + 1, polygon) for name in classes for polygon in picture.shapes.get(name, ())]
+    for number, (category, polygon) in enumerate(labelled, start=first):
+        low, high = polygon.min(axis=0), polygon.max(axis=0)
+        yield {
+            "id": number,
+            "image_id": image,
+            "category_id": category,
+            "iscrowd": 0,
+            "segmentation": [np.round(polygon, 2).ravel().tolist()],
+            "bbox": np.round([*low, *(high - low)], 2).tolist(),
+            "area": round(area(polygon), 2),
+        }
+
+
+def yolo(picture: LabelledPicture, classes: Sequence[str]) -> str:
+    """A line for each polygon: the class's number from 0, and corners as shares of width and height."""
+    lines = [
+        f"{number} {' '.join(f'{share:.6f}' for share in (polygon / picture.size).ravel())}"
+        for number, name in enumerate(classes)
+        for polygon in picture.shapes.get(name, ())
+    ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def data_yaml(classes: Sequence[str]) -> str:
+    """What YOLO's tools read of a set: where its pictures are, and the classes' names. No `path`: they would take one
+    of "." to be the folder that they are run in."""
+    content = {"train": IMAGES, "val": IMAGES, "names": dict(enumerate(classes))}
+    return str(yaml.safe_dump(content, sort_keys=False))
+
+
+def labelme(picture: LabelledPicture) -> str:
+    """LabelMe's file of one picture."""
+    width, height = picture.size
+    shapes = [
+        {"label": name, "points": np.round(polygon, 2).tolist(), "group_id": None, "shape_type": "polygon", "flags": {}}
+        for name, polygons in picture.shapes.items()
+        for polygon in polygons
+    ]
+    about: dict[str, Any] = {
+        "version": "5.4.1",
+        "flags": {},
+        "shapes": shapes,
+        "imagePath": f"{picture.name}.jpg",
+        "imageData": None,
+    }
+    return json.dumps({**about, "imageHeight": height, "imageWidth": width}, indent=1) + "\n"
