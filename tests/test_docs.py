@@ -125,4 +125,4 @@ def test_no_licence_forbids_to_use_savmap_as_it_is(licences: ModuleType) -> None
     listed = listed_licences()
     assert set(listed.values()) <= {short for _, short in licences.SHORT}
     strict = {name for name, licence in listed.items() if "GPL" in licence or "own" in licence}
-    assert strict == {"bpy", "ifcopenshell"}
+    assert strict == {"ifcopenshell"}

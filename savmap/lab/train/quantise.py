@@ -1,6 +1,6 @@
 """A network in 8-bit integers: half the time on processors with VNNI, for a thousandth of IoU.
 
-    python -m savmap.lab.train.quantise shelves.onnx --data data/fast --data data/traced -o shelves.int8.onnx
+    python -m savmap.lab.train.quantise shelves.onnx --data data/fast --data data/painted -o shelves.int8.onnx
 
 Weights are signed, one scale a channel; activations unsigned, their ranges taken from some pictures that training saw
 (static quantisation, Jacob et al., Quantization and Training of Neural Networks, 2018; done by onnxruntime). Softmax

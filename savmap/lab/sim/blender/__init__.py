@@ -1,1 +1,0 @@
-"""Path-traced training pictures with Blender: `python -m savmap.lab.sim.blender`. See docs/training-pictures.md."""
