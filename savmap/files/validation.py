@@ -1,15 +1,19 @@
-"""Content of files checked against pydantic models, with one line for the first mistake."""
+"""Content of files checked against pydantic models: for each mistake one line in a user's words, at the value's key, and
+of the kinds of value that may stand there about the one that was meant."""
 
 import difflib
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from reprlib import Repr
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ValidationError
+from pydantic.fields import FieldInfo
 
 from savmap.errors import OutputError, SiteError
-from savmap.files.mistakes import OF_KEY, annotations_at, fields_of, location_of, meant, words
-from savmap.files.mistakes import Location as Location
+from savmap.files.yaml_text import Location as Location
+from savmap.files.yaml_text import space_needed, unspaced
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -18,7 +22,29 @@ UNKNOWN = ("extra_forbidden", "invalid_key")
 SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
+COMMA = re.compile(r"\s*([+-]?\d+),(\d+)\s*")
+CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
+SECTION = "a section with keys is expected"
+KINDS = {
+    "float": "a number is expected",
+    "int": "a whole number is expected",
+    "bool": "true or false is expected",
+    "string": "text is expected",
+    "path": "a path is expected",
+    "tuple": "a list is expected",
+    "list": "a list is expected",
+    "dict": SECTION,
+    "mapping": SECTION,
+    "model": SECTION,
+}
+"""What is expected, by the first word of the types of pydantic's errors that say that a value is of another kind."""
+MAY_BE_NUMBERS = ("float", "int", "model")
+OTHER_KIND = re.compile(rf"({'|'.join(KINDS)})_(type|parsing|parsing_size|from_float)")
+ENTRIES = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
+MOST_KEYS = 8
+"""Keys of a section that a line names."""
 Model = TypeVar("Model", bound=BaseModel)
+Located = tuple[Location, "ErrorDetails"]
 
 
 def _with_text_keys(value: object) -> object:
@@ -38,12 +64,6 @@ def checked(model: type[Model], content: object, where: str) -> Model:
         raise OutputError(one_line(error, model, where)) from error
 
 
-def path_of(location: Location) -> str:
-    """A location in the content as a path: "rows.A.passes[0].fps"."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
-    return "".join(parts).lstrip(".")
-
-
 def validated(model: type[Model], values: Mapping[str, Any], where: str) -> Model:
     """A model made from values. Raises SiteError with one line that says what is wrong, and where."""
     try:
@@ -56,6 +76,12 @@ def one_line(error: ValidationError, model: type[BaseModel], where: str) -> str:
     """The first problem of a validation error, in a user's words, and how many more there are."""
     first, *others = explained(error, model, lambda *_: where).values()
     return f"{first} (and {len(others)} more)" if others else first
+
+
+def path_of(location: Location) -> str:
+    """A location in the content as a path: "rows.A.passes[0].fps"."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return "".join(parts).lstrip(".")
 
 
 def explained(
@@ -71,68 +97,166 @@ def explained(
     """
     problems = sorted(error.errors(), key=lambda problem: problem["type"] not in UNKNOWN)
     first: dict[Location, ErrorDetails] = {}
-    for own, problem in meant(problems, model):
+    for location, problem in _meant(problems, model):
         follows = problem["type"] == "too_short" and any(
             inner is not problem and inner["loc"][: len(problem["loc"])] == problem["loc"] for inner in problems
         )
         if not follows:
-            first.setdefault(at(own), problem)
+            first.setdefault(at(location), problem)
     return {location: _explained(problem, location, model, place_of) for location, problem in first.items()}
+
+
+def annotations_at(model: Any, location: Location) -> list[Any]:
+    """What may stand at the location of a key: the types that the model gives it."""
+    kinds = _choices(model)
+    for part in location:
+        kinds = [choice for kind in kinds for inner in _inside(kind, part) for choice in _choices(inner)]
+    return kinds
+
+
+def allows_section(annotations: Iterable[Any]) -> bool:
+    """Whether a section or a list may stand where these types may."""
+    return any(is_model(kind) or get_origin(kind) is tuple or _is_mapping(kind) for kind in annotations)
+
+
+def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """A model's fields by the keys that a file has for them."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
+
+
+def may_be_none(field: FieldInfo) -> bool:
+    """Whether a field takes null for a value."""
+    return NoneType in get_args(field.annotation)
+
+
+def is_model(annotation: Any) -> bool:
+    """Whether a type is a section with keys."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def _explained(
     problem: "ErrorDetails", location: Location, model: type[BaseModel], place_of: Callable[[Location, bool], str]
 ) -> str:
-    key = path_of(location)
+    key, kinds = path_of(location), annotations_at(model, _located(problem["loc"], model)[0])
     place = place_of(location, problem["type"] == "value_error")
     if problem["type"] in UNKNOWN:
-        allowed = _keys(model, problem["loc"][:-1])
-        return (
-            f"{place}: unknown key `{path_of((*location[:-1], str(location[-1])))}`{_hint(str(location[-1]), allowed)}"
-        )
+        sections = annotations_at(model, _located(problem["loc"], model)[0][:-1])
+        allowed = [name for section in sections if is_model(section) for name in fields_of(section)]
+        return f"{place}: unknown key `{key}`{_hint(str(location[-1]), allowed)}"
     if problem["type"] == "missing":
         return f"{place}: `{key}` is missing"
-    text = words(problem, model)
+    text = _words(problem, kinds)
     if problem["type"] == "value_error":
         return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
-    number = isinstance(problem["input"], int | float) and not isinstance(problem["input"], bool)
-    measured = (
-        number and problem["loc"][-1:] != (OF_KEY,) and float in annotations_at(model, location_of(problem, model))
-    )
-    units = "; lengths are metres, times seconds" if measured else ""
-    return f"{place}: `{key}`: {text} ({_given(problem['input'])}{units})"
+    units = "; lengths are metres, times seconds" if _is_number(problem["input"]) and float in kinds else ""
+    given = "it has no value" if problem["input"] is None else f"it is {SHORT.repr(problem['input'])}"
+    return f"{place}: `{key}`: {text} ({given}{units})"
 
 
-def _given(value: object) -> str:
-    return "it has no value" if value is None else f"it is {SHORT.repr(value)}"
+def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
+    """The problem in a user's words."""
+    kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
+    if problem["type"] in ENTRIES:
+        least, limit = ENTRIES[problem["type"]]
+        number = problem["ctx"][limit]
+        return f"{least} {number} {'entry is' if number == 1 else 'entries are'} expected"
+    if kind is None:
+        text = problem["msg"].removeprefix("Value error, ")
+        return text[:1].lower() + text[1:]
+    if kind[1] == "string" and isinstance(given, bool | int | float):
+        return "text is expected: put it in quotation marks"
+    if isinstance(given, str) and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
+        return space_needed(*parts)
+    if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
+        if comma := COMMA.fullmatch(given):
+            return f"a decimal point is expected: {comma[1]}.{comma[2]}"
+        if clock := CLOCK.fullmatch(given):
+            seconds = 3600 * int(clock[1] or 0) + 60 * int(clock[2]) + float(clock[3])
+            return f"a plain number is expected: write {seconds:.12g}"
+    return KINDS[kind[1]] + (_keys_of_section(given, kinds) if kind[1] == "model" else "")
 
 
-def _keys(model: Any, location: Location) -> list[str]:
-    """The keys that the model allows at a location, by its field annotations."""
-    current = model
+def _meant(problems: Iterable["ErrorDetails"], model: type[BaseModel]) -> Iterator[Located]:
+    """The problems with the locations of their keys. Where a value may be of several kinds, pydantic says why it is
+    none of them: only what the kind lacks is kept that the value is nearest to."""
+    kinds: dict[Location, dict[str, list[Located]]] = {}
+    for number, problem in enumerate(problems):
+        location, at, kind = _located(problem["loc"], model)
+        place, name = ((number,), "") if kind is None else (at, kind)
+        kinds.setdefault(place, {}).setdefault(name, []).append((location, problem))
+    for candidates in kinds.values():
+        yield from min(candidates.values(), key=_distance)
+
+
+def _located(location: Location, model: type[BaseModel]) -> tuple[Location, Location, str | None]:
+    """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the
+    name."""
+    keys: Location = ()
+    named: tuple[Location, str | None] = ((), None)
+    kinds: list[Any] = [model]
+    several = False
     for part in location:
-        inner = _models_in(current)
-        fields = fields_of(inner) if inner else {}
-        current = fields[part].annotation if isinstance(part, str) and part in fields else current
-    inner = _models_in(current)
-    return list(fields_of(inner)) if inner else []
+        if several and isinstance(part, str):
+            named = named if named[1] else (keys, part)
+            several = False
+            continue
+        inner = [_choices(annotation) for kind in kinds for annotation in _inside(kind, part)]
+        kinds = [choice for choices in inner for choice in choices]
+        keys = (*keys, part)
+        several = any(len(choices) > 1 for choices in inner)
+    return keys, *named
 
 
-def _models_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        model = _models_in(argument)
-        if model:
-            return model
-    return None
+def _distance(problems: list[Located]) -> tuple[int, bool, int]:
+    """How far a value is from a kind with these problems: those that lie deeper in it, or are not of kind, are nearer;
+    so are lists that may be longer."""
+    deepest = max(len(location) for location, _ in problems)
+    other = all(OTHER_KIND.fullmatch(problem["type"]) for _, problem in problems)
+    longest = max(int(problem.get("ctx", {}).get("max_length", 0)) for _, problem in problems)
+    return -deepest, other, -longest
+
+
+def _keys_of_section(given: object, kinds: list[Any]) -> str:
+    section = next(filter(is_model, kinds), None)
+    fields = fields_of(section) if section else {}
+    needed = [name for name, field in fields.items() if field.is_required()]
+    if _is_number(given) and len(needed) == 1 and float in annotations_at(section, (needed[0],)):
+        return f": {{{needed[0]}: {given}}}"
+    return f": {', '.join(fields)}" if 0 < len(fields) <= MOST_KEYS else ""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _inside(kind: Any, part: int | str) -> Iterator[Any]:
+    """The types that a type gives a key of it, or an entry."""
+    if is_model(kind):
+        yield from (field.annotation for name, field in fields_of(kind).items() if name == part)
+    elif isinstance(part, int):
+        yield from (inner for inner in get_args(kind) if inner is not Ellipsis)
+    elif _is_mapping(kind):
+        yield get_args(kind)[1]
+
+
+def _choices(annotation: Any) -> list[Any]:
+    """The types that an annotation allows, beside none."""
+    if get_origin(annotation) is Annotated:
+        return _choices(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [inner for kind in get_args(annotation) for inner in _choices(kind) if inner is not NoneType]
+    return [annotation]
+
+
+def _is_mapping(annotation: Any) -> bool:
+    return isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping)
 
 
 def _hint(key: str, allowed: list[str]) -> str:
     if key.isdigit():
         return ": is it from a number with a decimal comma? A decimal point is expected, such as 2.5"
     stem = key.rsplit("_", 1)
-    same_stem = [a for a in allowed if a.rsplit("_", 1)[0] == stem[0] and a != key]
+    same_stem = [name for name in allowed if name.rsplit("_", 1)[0] == stem[0] and name != key]
     if len(stem) == 2 and stem[1] in UNITS and same_stem:
         return f": wrong unit? Use `{same_stem[0]}`"
     near = difflib.get_close_matches(key, allowed, 1)

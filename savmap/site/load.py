@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from savmap.errors import SiteError
@@ -15,8 +14,9 @@ from savmap.files.kinds import kind_of_file, kind_of_text
 from savmap.files.texts import bounded_text, is_text
 from savmap.files.urls import beside, likely, on_disk
 from savmap.files.validation import Location, path_of
+from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
-from savmap.site.locations import SourceMap, empty_keys, explained, given_twice, left_out, lines_of, misspelt
+from savmap.site.locations import SourceMap, explained, left_out, misspelt
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
@@ -100,7 +100,7 @@ def load_alignment(path: Path) -> KnownAlignment:
     for _, problem in draft.doubles:
         raise SiteError(problem)
     content = draft.content["align"] if at else draft.content
-    for problem in misspelt(AlignSection, content, draft.places, lambda own: (*at, *own), (at,)).values():
+    for problem in misspelt(AlignSection, draft.places, (at,)).values():
         raise SiteError(problem)
     try:
         return KnownAlignment(AlignSection.model_validate(content), draft.places, at)
@@ -115,26 +115,23 @@ def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_
     text = _read(path, what)
     _require_no_other(path, kind_of_text(text), what)
     try:
-        node = yaml_text.compose(text)
-        content = yaml_text.load(text)
-    except yaml.YAMLError as error:
-        problem, line = yaml_text.problem_of(error)
+        document = yaml_text.document(text)
+    except YamlError as error:
         if _may_be_anything(path, what):
-            raise SiteError(f"{path}: {NEITHER} (line {line or 1}: {problem})") from None
-        where = f"{path}:{line}" if line else str(path)
-        raise SiteError(f"{where}: not valid YAML: {problem}") from None
-    if not isinstance(content, dict):
+            raise SiteError(f"{path}: {NEITHER} (line {error.line or 1}: {error})") from None
+        where = f"{path}:{error.line}" if error.line else str(path)
+        raise SiteError(f"{where}: not valid YAML: {error}") from None
+    if not isinstance(document.content, dict):
         if _may_be_anything(path, what):
             raise SiteError(f"{path}: {NEITHER} (a site file is a mapping with at least `rows:`)")
         least = " with at least `rows:`" if what == SITE_FILE else ""
         raise SiteError(f"{path}: a {what} is a mapping{least} (see docs/site-file.md)")
     doubles = tuple(
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
-        for location, first, line in given_twice(node)
+        for location, first, line in document.doubles
     )
-    return draft_of(
-        content, SourceMap(str(path), lines_of(node), empty=empty_keys(node)), path.parent, overrides, doubles
-    )
+    places = SourceMap(str(path), document.lines, empty=document.empty)
+    return draft_of(document.content, places, path.parent, overrides, doubles)
 
 
 def draft_of(
@@ -151,18 +148,17 @@ def draft_of(
 
 def problems_in(draft: Draft) -> Problems:
     """Everything that is wrong with a draft: the key, and a line that says where it stands and what is wrong."""
-    misread = misspelt(Site, draft.content, draft.places)
-    found = dict[Location, str]()
+    problems = dict[Location, str]()
     align = None
     try:
         site = Site.model_validate(draft.content)
         layout, rows, align = site.layout, with_places(site), site.align
     except ValidationError as error:
-        found = explained(error, Site, draft.places)
+        problems = explained(error, Site, draft.places)
         layout, rows = _layout_alone(draft.content)
     unfit = (*misplaced(layout, rows), *misaligned(align, rows))
     wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in unfit]
-    return [*draft.doubles, *{**found, **misread}.items(), *wrong]
+    return [*draft.doubles, *{**problems, **misspelt(Site, draft.places)}.items(), *wrong]
 
 
 def notes_on(draft: Draft) -> tuple[str, ...]:

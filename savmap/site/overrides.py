@@ -11,8 +11,6 @@ from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.validation import Location
@@ -61,7 +59,7 @@ def _from_variable(name: str, text: str) -> Override:
     keys = tuple(name.removeprefix(PREFIX).split("__"))
     if not all(keys):
         raise SiteError(f"{name}: put two underscores between keys, such as {PREFIX}ROWS__A__FPS")
-    return Override(name, tuple(key.lower() for key in keys), _value(name, text))
+    return Override(name, tuple(key.lower() for key in keys), _value(text))
 
 
 def _from_option(option: str) -> Override:
@@ -72,7 +70,7 @@ def _from_option(option: str) -> Override:
     if not equals or not found or "".join(one.group() for one in found) != path:
         raise SiteError(f"--set {option}: give a key and its value, such as rows.A.fps=5")
     place = f"--set {path}"
-    return Override(place, tuple(next(filter(None, one.groups())) for one in found), _value(place, text))
+    return Override(place, tuple(next(filter(None, one.groups())) for one in found), _value(text))
 
 
 def _require_short(place: str) -> None:
@@ -80,14 +78,12 @@ def _require_short(place: str) -> None:
         raise SiteError(f"{place[:60]}...: the key has more than {MOST_LETTERS} letters")
 
 
-def _value(place: str, text: str) -> Any:
+def _value(text: str) -> Any:
     """What a text means as YAML; the text itself where it is none, such as `[A-Z]+`: its key then tells what is wrong
     with it."""
     try:
         return yaml_text.load(text)
-    except yaml_text.BoundError as error:
-        raise SiteError(f"{place}: {yaml_text.problem_of(error)[0]}") from None
-    except yaml.YAMLError:
+    except yaml_text.YamlError:
         return text
 
 

@@ -54,7 +54,7 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
     for row in site.rows:
         settings, at = site.plugin_config(row, name), partial(_given, site, row, name)
         roots = (("plugins", name), ("rows", row, "plugins", name))
-        wrong = misspelt(config, settings, places, at, roots, empty_sections=False)
+        wrong = misspelt(config, places, roots, empty_sections=False)
         try:
             config.model_validate(settings)
         except ValidationError as error:

@@ -1,6 +1,7 @@
 """The JSON Schema of site files, with the settings of plugins, by which editors complete and check them."""
 
 import json
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -27,9 +28,13 @@ def schema_text(plugins: Iterable[str]) -> str:
     schema = Site.model_json_schema(schema_generator=Untitled)
     settings = {name: _settings(name, load_class(name).Config, schema["$defs"]) for name in plugins}
     for section in (schema, schema["$defs"]["Row"]):
-        own = section["properties"]["plugins"]
-        own |= {"type": "object", "properties": settings, "additionalProperties": {"type": ["object", "null"]}}
-    return json.dumps({"$schema": DIALECT, **schema, "title": TITLE}, indent=2, sort_keys=True) + "\n"
+        section["properties"]["plugins"] |= {
+            "type": "object",
+            "properties": settings,
+            "additionalProperties": {"type": ["object", "null"]},
+        }
+    text = json.dumps({"$schema": DIALECT, **schema, "title": TITLE}, indent=2, sort_keys=True) + "\n"
+    return re.sub(r"(\\n)+", " ", text)  # line ends of docstrings
 
 
 def _settings(name: str, config: type[BaseModel], definitions: dict[str, Any]) -> dict[str, Any]:

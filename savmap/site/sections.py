@@ -23,10 +23,9 @@ from pydantic import (
 from pydantic_core import PydanticKnownError
 
 from savmap.errors import SiteError
-from savmap.files.mistakes import fields_of, may_be_none
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
-from savmap.files.validation import SHORT
+from savmap.files.validation import SHORT, fields_of, may_be_none
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
 Sigma = Annotated[float, Field(gt=0, le=10)]

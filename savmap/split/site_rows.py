@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.nodes import CollectionNode, MappingNode, Node
 
 from savmap.errors import OutputError, SiteError, visible
 from savmap.files.atomic import read_text, write_text
@@ -47,10 +48,10 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
     """
     load_site(path)
     text = read_text(path)
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    root = YAML(typ="safe", pure=True).compose(text)
+    pairs = root.value if isinstance(root, MappingNode) else []
     rows = next(value for key, value in pairs if key.value == "rows")
-    if not isinstance(rows, yaml.MappingNode) or rows.flow_style:
+    if not isinstance(rows, MappingNode) or rows.flow_style:
         raise SiteError(
             f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line"
         )
@@ -65,9 +66,9 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
     )
 
 
-def _after(text: str, node: yaml.Node) -> int:
+def _after(text: str, node: Node) -> int:
     """The index in the text at which the line after a node begins."""
-    while isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
+    while isinstance(node, CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         node = last[1] if isinstance(last, tuple) else last
     end = text.find("\n", max(node.end_mark.index - 1, node.start_mark.index))

@@ -113,7 +113,7 @@ def test_its_network_is_sound_onnx_and_keeps_to_the_contract(project: Path) -> N
         ("a__b", "such as `a_b`"),
         ("x" * 41, "at most 40"),
         ("none", "calls something `None`"),
-        ("on", "`on` is a word of YAML"),
+        ("true", "`true` is a word of YAML"),
         ("nulls", "`null` is a word of YAML"),
         ("view", "calls something `View`"),
         ("goods", "calls something `Goods`"),

@@ -81,7 +81,7 @@ def test_nor_does_one_about_an_entry_of_a_list(tmp_path: Path, location: tuple[s
     [
         ("references:\n  camera_height_m: 3,055", "site.yaml:2: `references.camera_height_m.value`: a decimal point is expected: 3.055"),
         ("references:\n  camera_height_m: {value: 2,5}", "site.yaml:2: unknown key `references.camera_height_m.5`: is it from a number with a decimal comma"),
-        ("layout: {aisle_m: 3, rack_m: 2, lengths_m: {3: 11}}", "site.yaml:1: `layout.lengths_m[3]`: this key must be text: write \"3\" (it is 3)"),
+        ("layout: {aisle_m: 3, rack_m: 2, lengths_m: {3: 11}}", "site.yaml:1: `layout.lengths_m.3`: there is no row `3`; the site's rows are A"),
         ("references: {camera_height_m: {value: yes}}", "site.yaml:1: `references.camera_height_m.value`: a number is expected"),
         ("fps: true", "`fps`: a number is expected"),
         ("references:\n  lengths: [{between: [a, b], value: -14.1, sigma: 0.01}]", "site.yaml:2: `references.lengths[0].value`: input should be greater than 0"),

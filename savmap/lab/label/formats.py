@@ -13,11 +13,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
+from savmap.files.yaml_text import dumped
 from savmap.lab.label.polygons import Polygon, area
 from savmap.video.image_folder import write_picture
 
@@ -124,7 +124,7 @@ def data_yaml(classes: Sequence[str]) -> str:
     """What YOLO's tools read of a set: where its pictures are, and the classes' names. No `path`: they would take one
     of "." to be the folder that they are run in."""
     content = {"train": IMAGES, "val": IMAGES, "names": dict(enumerate(classes))}
-    return str(yaml.safe_dump(content, sort_keys=False))
+    return dumped(content)
 
 
 def labelme(picture: LabelledPicture) -> str:

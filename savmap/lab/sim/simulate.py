@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from savmap.errors import OutputError, SiteError
 from savmap.files.atomic import reason
+from savmap.files.yaml_text import dumped
 from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.drive.passes import TruePass, passes_file, true_passes
 from savmap.lab.sim.random_scene import classes_of
@@ -77,9 +77,9 @@ def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpe
     passes = true_passes(built, path) if built.scene.cart.path else []
     if built.scene.cart.path:
         _dump(folder / "passes.json", passes_file(passes))
-    resolved = yaml.safe_dump(built.scene.model_dump(mode="json"), sort_keys=False)
+    resolved = dumped(built.scene.model_dump(mode="json"))
     (folder / "scene.yaml").write_text(resolved, encoding="utf-8")
-    site = yaml.safe_dump(site_of(built, known, passes), sort_keys=False)
+    site = dumped(site_of(built, known, passes))
     (folder / "site.yaml").write_text(site, encoding="utf-8")
     monitor.note(f"lighting {len(built.boxes)} boxes")
     scene = renderer(built)

@@ -10,9 +10,8 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
-import yaml
-
 from savmap.errors import OutputError, SiteError
+from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.plugin.manager import installed
 from savmap.plugin.scaffold.stub import stub_network
@@ -52,7 +51,7 @@ def require_name(name: str) -> None:
             f"plugin name `{name}`: give at most {LONGEST} small letters, digits and single underscores, a letter first{hint}"
         )
     for word in (name, thing_of(name)):
-        if yaml.safe_load(word) != word:
+        if yaml_text.load(word) != word:
             raise SiteError(
                 f"plugin name `{name}`: `{word}` is a word of YAML, in which site files are; choose another"
             )

@@ -10,14 +10,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from pydantic import Field, field_validator
 
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
-from savmap.files.mistakes import misread
 from savmap.files.texts import bounded_text
-from savmap.files.validation import path_of
 from savmap.types.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
 
 
@@ -99,10 +96,9 @@ def load_scene(path: Path) -> Scene:
         content = yaml_text.load(bounded_text(path, yaml_text.MOST_MB))
     except OSError as error:
         raise SceneError(f"{path}: cannot be read as a scene file: {reason(error)}") from error
-    except yaml.YAMLError as error:
-        problem, line = yaml_text.problem_of(error)
-        where = f"{path}:{line}" if line else str(path)
-        raise SceneError(f"{where}: cannot be read as a scene file: {problem}") from error
+    except yaml_text.YamlError as error:
+        where = f"{path}:{error.line}" if error.line else str(path)
+        raise SceneError(f"{where}: cannot be read as a scene file: {error}") from error
     except ValueError as error:
         raise SceneError(f"{path}: cannot be read as a scene file: it {error}") from error
     return parse_scene(content, str(path))
@@ -116,8 +112,6 @@ def parse_scene(content: object, source: str = "scene") -> Scene:
         raise SceneError(
             f"{source}: is a site file, which `savmap map` takes; `savmap simulate` takes a scene (docs/simulator.md)"
         )
-    for location, text in misread(Scene, content):
-        raise SceneError(f"{source}: {path_of(location)}: {text}")
     return validated(Scene, content, source)
 
 

@@ -5,8 +5,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import yaml
-
 from savmap.errors import OutputError
 from savmap.files import yaml_text
 from savmap.files.atomic import read_json, read_text
@@ -108,9 +106,8 @@ def yaml_of(path: Path) -> Mapping[str, object]:
     """The mapping in a YAML file. Raises OutputError if there is none."""
     try:
         content = yaml_text.load(read_text(path, yaml_text.MOST_MB))
-    except yaml.YAMLError as error:
-        problem, line = yaml_text.problem_of(error)
-        raise OutputError(f"{path}{f':{line}' if line else ''}: is not YAML ({problem})") from None
+    except yaml_text.YamlError as error:
+        raise OutputError(f"{path}{f':{error.line}' if error.line else ''}: is not YAML ({error})") from None
     if not isinstance(content, dict):
         raise OutputError(f"{path}: is not a data.yaml (a mapping with names and train)")
     return content

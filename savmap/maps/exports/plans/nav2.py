@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from savmap.errors import OutputError
+from savmap.files.yaml_text import dumped
 from savmap.maps.exports.archive import write_archive
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.json_text import json_text
@@ -72,7 +72,7 @@ def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
         "free_thresh": 0.25,
     }
     head = f"P5\n{columns} {rows}\n255\n".encode()
-    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(found) + yaml.safe_dump(about, sort_keys=False)
+    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(found) + dumped(about)
 
 
 def _remark(found: list[Footprint]) -> str:
@@ -144,7 +144,5 @@ def vector_objects(found: list[Footprint]) -> str:
         f"# solid_{number}: {footprint.name}{', depth assumed' if footprint.assumed else ''}\n"
         for number, footprint in enumerate(found, start=1)
     )
-    text = yaml.safe_dump(
-        {"vector_object_server": {"ros__parameters": settings}}, sort_keys=False, default_flow_style=None
-    )
+    text = dumped({"vector_object_server": {"ros__parameters": settings}}, flow=None)
     return _remark(found) + names + text

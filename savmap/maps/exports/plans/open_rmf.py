@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from savmap.files.atomic import write_text
+from savmap.files.yaml_text import dumped
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.hull import hull
 from savmap.maps.exports.plans.footprints import depth_note, footprints, in_the_way
@@ -58,7 +58,7 @@ def write_building(site: SiteMap, path: Path) -> None:
         "lifts": {},
         "crowd_sim": {"enable": 0},
     }
-    text = yaml.safe_dump(building, sort_keys=False, default_flow_style=None, allow_unicode=True, width=1000)
+    text = dumped(building, flow=None, width=1000)
     note = depth_note(walls)
     write_text(path, (f"# {note}\n" if note else "") + text)
 
