@@ -1,19 +1,27 @@
-"""Who runs a job's tasks: this process, or other processes, of which one may end without taking the others' tasks with
-it."""
+"""Who runs a job's tasks: this process, other processes, or the workers of a Dask cluster. Where a process ends, its
+task is tried again.
 
-import ctypes
+Processes are those of `concurrent.futures`, a pool of one for each worker: where one ends, the others go on.
+"""
+
 import multiprocessing
 import os
+import re
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
-from savmap.plugin import activity
+from savmap.errors import SavmapError
+from savmap.jobs.cache_keys import code
+from savmap.plugin.manager import limit_hooks
+from savmap.site.job import Job, plugins_for
 from savmap.types.progress import Monitor, SilentMonitor
 
 Item = TypeVar("Item")
@@ -21,18 +29,12 @@ Task = tuple[Callable[..., Any], tuple[Any, ...]]
 Shown = Callable[[Any, Callable[[], float]], Monitor]
 """The monitor of a task that begins, by its key, and by what gives the processor's seconds that the task's process has
 used."""
-POLL_S = 0.25
-PARENT_POLL_S = 1.0
-ENDED = "its process ended without a word: out of memory, killed, or crashed"
+ADDRESS = re.compile(r"\w+://\S+:\d+")
+CONNECT_S = 15
 
 
 class WorkerCrashedError(Exception):
-    """The process that did a task ended without a result, or was ended because a hook took too long. `plugin`, `hook`:
-    what was at work in it, if a hook was."""
-
-    def __init__(self, what: str, plugin: str = "", hook: str = "") -> None:
-        super().__init__(what)
-        self.plugin, self.hook = plugin, hook
+    """The process that did a task ended without a result."""
 
 
 class TaskExecutor(Protocol):
@@ -75,61 +77,80 @@ class SerialExecutor:
 class ProcessExecutor:
     """Runs tasks in other processes, so many at a time.
 
-    If a process ends without a result, all tasks under way are tried again, each alone; one that ends its process then
-    has `WorkerCrashedError` for a result. So has one in which a plugin's hook takes longer than `timeout_s`. What tasks
-    tell their monitor goes to that which `shown` gives, from a thread for each process.
+    If a process ends without a result, its task is tried again when no other is under way. One that ends its process
+    again has `WorkerCrashedError` for a result; so has one that ends the only process at once. A process in which a
+    hook of a plugin takes longer than `timeout_s` ends. What tasks tell their monitor goes to that which `shown` gives,
+    from a thread for each process.
     """
 
     def __init__(self, processes: int, timeout_s: float = float("inf"), shown: Shown | None = None) -> None:
         self.processes, self.timeout_s, self.shown = processes, timeout_s, shown
         self.waiting: dict[Hashable, Task] = {}
-        self.suspects: dict[Hashable, Task] = {}
 
     def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
         self.waiting[key] = (function, arguments)
 
     def results(self) -> Iterator[tuple[Any, Any]]:
-        while self.waiting or self.suspects:
-            yield from self._run(self.waiting, self.processes)
-            while self.suspects:
-                key = next(iter(self.suspects))
-                alone = {key: self.suspects.pop(key)}
-                while alone:
-                    yield from self._run(alone, 1)
-
-    def _run(self, waiting: dict[Hashable, Task], processes: int) -> Iterator[tuple[Any, Any]]:
-        """Run what is waiting until it is done or a process ends (then some may still wait); at most `processes` tasks
-        are under way."""
-        with _pool(processes, self.timeout_s, self.shown) as (pool, board):
-            under_way: dict[Future[Any], tuple[Hashable, Task]] = {}
-            while waiting or under_way:
-                while waiting and len(under_way) < processes:
-                    key, (function, arguments) = next(iter(waiting.items()))
-                    try:
-                        future = pool.submit(_call, key, self.shown is not None, function, *arguments)
-                    except BrokenProcessPool:  # a process ended after its last result was taken, or before it is
-                        break
-                    under_way[future] = (key, waiting.pop(key))
-                if not under_way:
-                    return
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    key, task = under_way.pop(future)
+        before = set(multiprocessing.active_children())
+        idle = [_Worker(self.timeout_s, self.shown) for _ in range(self.processes)]
+        busy: dict[Future[Any], tuple[Hashable, Task, _Worker]] = {}
+        again: dict[Hashable, Task] = {}
+        try:
+            while self.waiting or again or busy:
+                retried = not self.waiting and not busy
+                ready = again if retried else self.waiting
+                while ready and idle and not (retried and busy):
+                    key, task = next(iter(ready.items()))
+                    worker = idle.pop()
+                    busy[worker.submit(key, ready.pop(key))] = key, task, worker
+                for future in wait(busy, return_when=FIRST_COMPLETED).done:
+                    key, task, worker = busy.pop(future)
+                    idle.append(worker)
                     error = future.exception()
-                    if isinstance(error, BrokenProcessPool):
-                        yield from self._after_crash(board, {key: task, **dict(under_way.values())}, processes)
-                        return
-                    yield key, error or future.result()
+                    if not isinstance(error, BrokenProcessPool):
+                        yield key, error or future.result()
+                    elif retried or self.processes == 1:
+                        yield key, WorkerCrashedError()
+                    else:
+                        again[key] = task
+        except BaseException:
+            for child in set(multiprocessing.active_children()) - before:
+                child.terminate()
+            raise
+        finally:
+            for worker in (*idle, *(worker for _, _, worker in busy.values())):
+                worker.close()
 
-    def _after_crash(
-        self, board: "_Board", under_way: dict[Hashable, Task], processes: int
-    ) -> Iterator[tuple[Any, Any]]:
-        """Errors of the tasks that are known to have ended their process; the others are suspects."""
-        for key, task in under_way.items():
-            error = board.timeouts.get(str(key)) or (board.crash() if processes == 1 else None)
-            if error is None:
-                self.suspects[key] = task
-            else:
-                yield key, error
+
+class _Worker:
+    """A process that does one task at a time, and a thread that shows what it tells its monitor; another process where
+    one ended."""
+
+    def __init__(self, timeout_s: float, shown: Shown | None) -> None:
+        self.timeout_s, self.shown = timeout_s, shown
+        self._open()
+
+    def _open(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        received, self._sent = context.Pipe(duplex=False)
+        self._pool = ProcessPoolExecutor(1, context, _begin, (self._sent, self.timeout_s))
+        self._shower = threading.Thread(target=_show, args=(received, self.shown), name="savmap-progress", daemon=True)
+        self._shower.start()
+
+    def submit(self, key: Hashable, task: Task) -> "Future[Any]":
+        """Have a task done."""
+        function, arguments = task
+        try:
+            return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
+        except BrokenProcessPool:
+            self.close()
+            self._open()
+            return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
+
+    def close(self) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._sent.close()
+        self._shower.join()
 
 
 class ForwardedMonitor:
@@ -137,177 +158,163 @@ class ForwardedMonitor:
     it."""
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        _worker.send("each", doing, total)
+        _send("each", doing, total)
         try:
             for item in items:
                 yield item
-                _worker.slot.processor_s = time.process_time()
-                _worker.send("step")
+                _send("step", time.process_time())
         finally:
-            _worker.send("end")
+            _send("end")
 
     def note(self, line: str) -> None:
-        _worker.send("note", line)
+        _send("note", line)
 
     def left(self, seconds: float) -> None:
         """Nothing: the other process knows better."""
 
 
-class _Slot(ctypes.Structure):
-    """What one process is at: its task, the hook that is at work in it since a time of the monotonic clock, and the
-    processor's seconds that it had used at the last step."""
-
-    _fields_ = (
-        ("pid", ctypes.c_long),
-        ("task", ctypes.c_char * 256),
-        ("plugin", ctypes.c_char * 128),
-        ("hook", ctypes.c_char * 64),
-        ("begin_s", ctypes.c_double),
-        ("processor_s", ctypes.c_double),
-    )
+_events: "Connection | None" = None
+"""In a worker's process: the way to the monitor."""
+_sending = threading.Lock()
 
 
-class _Board:
-    """The slots of a pool's processes, in memory that they share with this one, and a thread that ends processes in
-    which a hook takes too long."""
-
-    def __init__(self, context: Any, processes: int, timeout_s: float) -> None:
-        self.slots = context.Array(_Slot, processes, lock=False)
-        self.claimed = context.Value("i", 0)
-        self.timeout_s = timeout_s
-        self.timeouts: dict[str, WorkerCrashedError] = {}
-        self.closed = threading.Event()
-        self.thread = threading.Thread(target=self._watch, name="savmap-timeouts", daemon=True)
-
-    def crash(self) -> WorkerCrashedError:
-        """The error of a pool's only process that has ended."""
-        plugin, hook = self.slots[0].plugin.decode(), self.slots[0].hook.decode()
-        return WorkerCrashedError(f"ended the process in `{hook}`" if plugin else ENDED, plugin, hook)
-
-    def _watch(self) -> None:
-        while not self.closed.wait(POLL_S):
-            for slot in self.slots:
-                plugin, hook, begin_s = slot.plugin.decode(), slot.hook.decode(), slot.begin_s
-                if plugin and time.monotonic() - begin_s > self.timeout_s:
-                    what = f"did not return from `{hook}` within {self.timeout_s:g} s (plugin_timeout_s)"
-                    self.timeouts[slot.task.decode()] = WorkerCrashedError(what, plugin, hook)
-                    with suppress(ProcessLookupError):
-                        os.kill(slot.pid, signal.SIGKILL)
+def _begin(events: Connection, timeout_s: float) -> None:
+    """Begin a worker's process: it ends with the one that it works for, and leaves ctrl-C to that."""
+    global _events
+    _events = events
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    limit_hooks(timeout_s)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-class _Worker:
-    """This process, where it is one of a pool's: its slot, and the way to the monitor."""
-
-    slot: Any
-    events: Any
-    sending = threading.Lock()
-
-    def begin(self, board: Any, claimed: Any, events: Any) -> None:
-        with claimed.get_lock():
-            number = claimed.value % len(board)
-            claimed.value += 1
-        self.slot, self.events = board[number], events[number]
-        self.slot.pid = os.getpid()
-        activity.set_sink(self.tell)
-
-    def send(self, *event: object) -> None:
-        """Send an event to the monitor. A monitor that is gone is no reason to fail."""
-        with self.sending, suppress(OSError):
-            self.events.send(event)
-
-    def tell(self, plugin: str, hook: str) -> None:
-        """Note the hook that is at work. The plugin is written last, and taken away first: it says that the rest is
-        valid."""
-        self.slot.plugin = b""
-        if plugin:
-            self.slot.hook, self.slot.begin_s = hook.encode()[:63], time.monotonic()
-            self.slot.plugin = plugin.encode()[:127]
+def _end_with_parent() -> None:
+    if (parent := multiprocessing.parent_process()) is not None:
+        parent.join()
+        os._exit(1)
 
 
-_worker = _Worker()
+def _send(*event: object) -> None:
+    """Send an event to the monitor. A monitor that has ended is no reason to fail."""
+    with _sending, suppress(OSError):
+        if _events is not None:
+            _events.send(event)
 
 
 def _call(key: Hashable, shown: bool, function: Callable[..., Any], *arguments: Any) -> Any:
-    _worker.slot.task = str(key).encode()[:255]
     if not shown:
         return function(*arguments)
-    _worker.send("task", key)
+    _send("task", key)
     return function(*arguments, ForwardedMonitor())
 
 
-@contextmanager
-def _pool(processes: int, timeout_s: float, shown: Shown | None) -> Iterator[tuple[Executor, _Board]]:
-    """Processes that end with this one, however it ends, and leave ctrl-C to it."""
-    context = multiprocessing.get_context("spawn")
-    board, pipes = _Board(context, processes, timeout_s), [context.Pipe(duplex=False) for _ in range(processes)]
-    initial = (os.getpid(), board.slots, board.claimed, [sent for _, sent in pipes])
-    pool = ProcessPoolExecutor(processes, context, _begin, initial)
-    before = set(multiprocessing.active_children())
-    board.thread.start()
-    showers = [
-        threading.Thread(target=_show, args=(received, shown, slot), name="savmap-progress", daemon=True)
-        for (received, _), slot in zip(pipes, board.slots, strict=True)
-    ]
-    for shower in showers:
-        shower.start()
-    try:
-        yield pool, board
-    except BaseException:
-        for child in set(multiprocessing.active_children()) - before:
-            child.terminate()
-        raise
-    finally:
-        board.closed.set()
-        pool.shutdown(wait=True, cancel_futures=True)
-        for _, sent in pipes:
-            sent.close()
-        for shower, (received, _) in zip(showers, pipes, strict=True):
-            shower.join()
-            received.close()
-
-
-def _show(events: Any, shown: Shown | None, slot: Any) -> None:
-    """Show what the `ForwardedMonitor`s of a process send, until the last process that could send is gone."""
+def _show(received: Connection, shown: Shown | None) -> None:
+    """Show what the `ForwardedMonitor`s of a process send, until it ends."""
     monitor: Monitor = SilentMonitor()
-    while (event := _next(events)) is not None:
-        if event[0] == "task" and shown is not None:
-            monitor = shown(event[1], lambda: float(slot.processor_s))
-        else:
-            _tell(monitor, event, events)
+    processor_s = 0.0
+
+    def events() -> Iterator[tuple[Any, ...]]:
+        with received, suppress(EOFError, OSError):
+            while True:
+                yield received.recv()
+
+    def steps() -> Iterator[None]:
+        """An item for each step of what is under way, until it ends; what else is told meanwhile is shown."""
+        nonlocal processor_s
+        for event, *what in stream:
+            if event == "end":
+                return
+            if event == "step":
+                (processor_s,) = what
+                yield
+            else:
+                show(event, what)
+
+    def show(event: str, what: list[Any]) -> None:
+        nonlocal monitor
+        if event == "task" and shown is not None:
+            monitor = shown(what[0], lambda: processor_s)
+        elif event == "note":
+            monitor.note(what[0])
+        elif event == "each":
+            for _ in monitor.each(steps(), *what):
+                pass
+
+    stream = events()
+    for event, *what in stream:
+        show(event, what)
 
 
-def _tell(monitor: Monitor, event: tuple[Any, ...], events: Any) -> None:
-    if event[0] == "note":
-        monitor.note(event[1])
-    elif event[0] == "each":
-        for _ in monitor.each(_steps(events, monitor), event[1], event[2]):
-            pass
+class DaskExecutor:
+    """A Dask scheduler's workers (extra `cluster`), which do what processes of this machine would do, and give the same
+    bytes. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`.
+
+    Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or
+    a URL.
+    """
+
+    shown: Shown | None = None
+
+    def __init__(self, address: str, job: Job) -> None:
+        """Raises SavmapError where the extra is missing, the scheduler does not answer, or a worker runs other code."""
+        distributed = _library()
+        if not ADDRESS.fullmatch(address):
+            raise SavmapError(f"--cluster {address}: give the scheduler's address as tcp://host:8786")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                self.client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise SavmapError(
+                f"--cluster {address}: no Dask scheduler answers there ({error or 'time ran out'})"
+            ) from None
+        self.address = address
+        self.done = distributed.as_completed(loop=self.client.loop)
+        self.keys: dict[str, Hashable] = {}
+        self._require_same_code(job)
+
+    @property
+    def count(self) -> int:
+        """Workers at the moment."""
+        return len(self.client.scheduler_info(n_workers=-1)["workers"])
+
+    def submit(self, key: Hashable, function: Callable[..., Any], *arguments: Any) -> None:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Sending large graph")
+            future = self.client.submit(function, *arguments, pure=False)
+        self.keys[future.key] = key
+        self.done.add(future)
+
+    def results(self) -> Iterator[tuple[Any, Any]]:
+        killed = _library().scheduler.KilledWorker
+        try:
+            for future in self.done:
+                error = future.exception()
+                if isinstance(error, killed):
+                    error = WorkerCrashedError("time and again")
+                yield self.keys.pop(future.key), error or future.result()
+        finally:
+            with suppress(Exception):
+                self.client.close()
+
+    def _require_same_code(self, job: Job) -> None:
+        """The same bytes come only from the same code. Raises SavmapError naming a worker that has another one."""
+        expected = code_of(job)
+        for worker, fingerprint in self.client.run(code_of, job, on_error="return").items():
+            if fingerprint != expected:
+                differs = "its savmap, plugins or libraries differ"
+                why = fingerprint if isinstance(fingerprint, BaseException) else differs
+                self.client.close()
+                raise SavmapError(f"--cluster {self.address}: worker {worker} would give another map: {why}")
 
 
-def _steps(events: Any, monitor: Monitor) -> Iterator[None]:
-    """An item for each step of what is under way, until it ends; what else is told meanwhile is shown."""
-    while (event := _next(events)) is not None and event[0] != "end":
-        if event[0] == "step":
-            yield
-        else:
-            _tell(monitor, event, events)
+def code_of(job: Job) -> str:
+    """Fingerprint of the code that would map a job here."""
+    return code(plugins_for(job, next(iter(job.site.rows))))
 
 
-def _next(events: Any) -> tuple[Any, ...] | None:
+def _library() -> Any:
     try:
-        event: tuple[Any, ...] = events.recv()
-    except (EOFError, OSError):
-        return None
-    return event
-
-
-def _begin(parent: int, board: Any, claimed: Any, events: Any) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _worker.begin(board, claimed, events)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_POLL_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+        import distributed
+    except ImportError:
+        raise SavmapError("--cluster needs Dask: pip install 'savmap[cluster]'") from None
+    return distributed

@@ -10,18 +10,16 @@ from functools import partial
 from itertools import chain
 from typing import Any, Literal
 
-from savmap.errors import PluginFailedError, SavmapError
+from savmap.errors import SavmapError
 from savmap.files.journal import Parts, counts, forget
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
 from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, strips_key
-from savmap.jobs.executors import ProcessExecutor, SerialExecutor, Shown, TaskExecutor, WorkerCrashedError
-from savmap.jobs.kept import kept_map, kept_measurements
+from savmap.jobs.executors import DaskExecutor, ProcessExecutor, SerialExecutor, Shown, TaskExecutor, WorkerCrashedError
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, RunClock
 from savmap.maps.run_record import RowRun, RunLog
 from savmap.pipeline.measure import RowMeasurements, frames_of
 from savmap.plugin import trace
-from savmap.plugin.isolation import left_out
 from savmap.site.job import Job
 from savmap.types import Orthophoto, RowMap, RowStrips, Still
 from savmap.types.progress import Monitor
@@ -45,8 +43,6 @@ class RunOptions:
         """Who runs the tasks of so many groups of rows, and with how many workers. Raises SavmapError where a cluster
         cannot."""
         if self.cluster is not None:
-            from savmap.jobs.dask_executor import DaskExecutor  # Dask is an extra, and slow to import
-
             dask = DaskExecutor(self.cluster, job)
             return dask, dask.count
         jobs = max(min(groups, (os.cpu_count() or 1) // 2), 1) if self.jobs is None else self.jobs
@@ -137,7 +133,6 @@ class _Progress:
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
     plugins_failed: dict[str, dict[str, str]] = field(default_factory=dict)
-    crashed: dict[str, dict[str, PluginFailedError]] = field(default_factory=dict)
 
     def begin(self, group: Group) -> None:
         """Use what an earlier run kept of a group, and have the rest worked out."""
@@ -146,9 +141,8 @@ class _Progress:
             return
         for name in group:
             content = self.cache.load(name, MEASURED, self.keys[name])
-            kept = None if content is None else kept_measurements(name, content, self.job.plugins)
-            if kept is not None and (not self.wants_pictures or self._strips_of(name) is not None):
-                self.measured[name] = kept
+            if content is not None and (not self.wants_pictures or self._strips_of(name) is not None):
+                self.measured[name] = StoredRecord(RowMeasurements, content=content)
                 self.clock.skip(name, MEASURED)
             else:
                 self._measure(name)
@@ -167,10 +161,7 @@ class _Progress:
     def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
         """Keep what a task gave, and go on from there."""
         stage, names = key
-        if isinstance(result, WorkerCrashedError) and result.plugin and self.job.skips_failed_plugins:
-            self._try_without(key, result)
-            return
-        done = result if isinstance(result, tasks.TaskResult) else _crashed(names, result)
+        done = result if isinstance(result, tasks.TaskResult) else self._crashed(key, result)
         for line in done.notes:
             self.monitor.note(line)
         trace.log_lines(done.logged)
@@ -225,19 +216,8 @@ class _Progress:
         if not self.plugins_failed[name]:
             self.cache.save(name, stage, key, record.content)
 
-    def _try_without(self, key: Key, crash: WorkerCrashedError) -> None:
-        """Do a task again without the plugin that ended its process."""
-        stage, names = key
-        error = PluginFailedError(crash.plugin, crash.hook, str(crash))
-        for name in names:
-            self.crashed.setdefault(name, {})[crash.plugin] = error
-            self.monitor.note(f"row {name}: {left_out(str(error))}")
-        self._measure(names[0]) if stage == MEASURED else self._solve(names)
-
     def _measure(self, name: str) -> None:
-        """Have a row measured. What a run kept of single frames is not for one that leaves a plugin out from the start:
-        it may choose other views."""
-        frames = self._frames(name) if self.executor.shown is not None and name not in self.crashed else None
+        frames = self._frames(name) if self.executor.shown is not None else None
         self._submit(
             (MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames), name
         )
@@ -255,8 +235,9 @@ class _Progress:
 
     def _use_kept(self, names: Group) -> bool:
         contents = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
-        kept = {name: kept_map(name, content) for name, content in contents.items() if content is not None}
-        maps = {name: record for name, record in kept.items() if record is not None}
+        maps = {
+            name: StoredRecord(RowMap, content=content) for name, content in contents.items() if content is not None
+        }
         shown = not self.wants_pictures or all(self._can_be_shown(name, row) for name, row in maps.items())
         if len(maps) < len(names) or not shown:
             return False
@@ -333,8 +314,16 @@ class _Progress:
         return self.solution_keys[names]
 
     def _submit(self, key: Key, task: Callable[..., tasks.TaskResult], what: object) -> None:
-        failures = {name: self.crashed[name] for name in key[1] if name in self.crashed}
-        self.executor.submit(key, task, self.job, what, failures)
+        self.executor.submit(key, task, self.job, what)
+
+    def _crashed(self, key: Key, error: BaseException) -> tasks.TaskResult:
+        """The failure of rows whose process ended without a result. Any other error is raised."""
+        stage, names = key
+        if not isinstance(error, WorkerCrashedError):
+            raise error
+        what = f"its process ended before it was {stage}: out of memory, killed, crashed, or plugin_timeout_s in a hook"
+        failure = SavmapError(what)
+        return tasks.TaskResult({name: tasks.Failure(failure) for name in names})
 
     def _fail(self, name: str, failure: tasks.Failure) -> None:
         self.failed[name] = failure.error
@@ -347,11 +336,3 @@ class _Progress:
 
 def _named(rows: Sequence[str]) -> str:
     return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(rows)}"
-
-
-def _crashed(names: Group, error: BaseException) -> tasks.TaskResult:
-    """The failure of rows whose process ended without a result. Any other error is raised."""
-    if not isinstance(error, WorkerCrashedError):
-        raise error
-    failure = PluginFailedError(error.plugin, error.hook, str(error)) if error.plugin else SavmapError(str(error))
-    return tasks.TaskResult({name: tasks.Failure(failure) for name in names})

@@ -13,7 +13,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import PluginFailedError, SavmapError, SiteError, format_error
+from savmap.errors import SavmapError, SiteError, format_error
 from savmap.files.journal import Parts
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
@@ -31,7 +31,6 @@ from savmap.types.progress import Monitor, NoteCollector
 
 NOTE = "note "
 PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10
-Failures = Mapping[str, PluginFailedError]
 
 
 @dataclass(frozen=True)
@@ -68,19 +67,17 @@ class TaskResult:
 def measure_task(
     job: Job,
     row: str,
-    failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
     *,
     with_strips: bool = False,
     frames: Parts | None = None,
 ) -> TaskResult:
-    """What is measured in one row's pictures, with strips of them if they are wanted. `failures`: by row, the plugins
-    that failed in it already. `frames`: where what is measured in single frames is kept meanwhile."""
+    """What is measured in one row's pictures, with strips of them if they are wanted. `frames`: where what is measured in single frames is kept meanwhile."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        request = request_for(job, row, failures.get(row))
+        request = request_for(job, row)
         if with_strips:
             request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
         with FrameJournal(FrameRecord, frames) as journal:
@@ -101,18 +98,13 @@ def measure_task(
 def solve_task(
     job: Job,
     measurements: Mapping[str, StoredRecord[RowMeasurements]],
-    failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
 ) -> TaskResult:
-    """Maps of rows that share passes, from what was measured of them. `failures`: by row, the plugins that failed in it
-    already."""
+    """Maps of rows that share passes, from what was measured of them."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
 
     def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        requests = [
-            replace(request_for(job, row, failures.get(row)), measurements=stored.record)
-            for row, stored in measurements.items()
-        ]
+        requests = [replace(request_for(job, row), measurements=stored.record) for row, stored in measurements.items()]
         warned = NoteCollector()
         with warnings_as_notes(warned):
             results = map_rows(requests, shown)
@@ -132,7 +124,6 @@ def solve_task(
 def picture_task(
     job: Job,
     rows: Mapping[str, tuple[StoredRecord[RowMap], StoredRecord[RowStrips]]],
-    failures: Mapping[str, Failures],
     monitor: Monitor | None = None,
 ) -> TaskResult:
     """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face
@@ -150,13 +141,13 @@ def picture_task(
     return _result(list(rows), work, monitor)
 
 
-def request_for(job: Job, row: str, failures: Failures | None = None) -> RowRequest:
+def request_for(job: Job, row: str) -> RowRequest:
     """What the job asks of one of its rows. Raises PluginError, SiteError."""
     references = job.site.row_references(row)
     return RowRequest(
         name=row,
         passes=job.site.rows[row].passes,
-        plugins=plugins_for(job, row, failures),
+        plugins=plugins_for(job, row),
         references=references_of(references),
         travel_m=references.travel_m,
         path=earlier_path(job, row),

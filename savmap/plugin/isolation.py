@@ -63,17 +63,10 @@ def left_out(failure: str) -> str:
     return f"{failure}; all else is mapped without it"
 
 
-def isolated(
-    plugins: Sequence[LoadedPlugin], row: str = "", failed: Mapping[str, PluginFailedError] | None = None
-) -> Sequence[LoadedPlugin]:
-    """The same plugins, each kept from harming the others. `failed`: by plugin, how it failed in this row already."""
-    known = failed or {}
+def isolated(plugins: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
+    """The same plugins, each kept from harming the others."""
     return [
-        IsolatedPlugin(
-            **{part.name: getattr(plugin, part.name) for part in fields(plugin)},
-            row=row,
-            failures=[known[plugin.name]] if plugin.name in known else [],
-        )
+        IsolatedPlugin(**{part.name: getattr(plugin, part.name) for part in fields(plugin)}, row=row)
         for plugin in plugins
     ]
 

@@ -2,7 +2,9 @@
 it."""
 
 import difflib
+import faulthandler
 import logging
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
@@ -14,7 +16,7 @@ from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
-from savmap.plugin import activity, checks, defaults, hookspecs, trace
+from savmap.plugin import checks, defaults, hookspecs, trace
 from savmap.plugin.protocol import Plugin, class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
@@ -50,6 +52,37 @@ GROUP = "savmap.plugins"
 Answer = TypeVar("Answer")
 Item = TypeVar("Item")
 notices = logging.getLogger("savmap-plugins")
+
+
+class _HookLimit:
+    """Ends this process, with a traceback, when the hooks that run are stuck: none began or ended for too long."""
+
+    def __init__(self) -> None:
+        self.seconds = float("inf")
+        self._running, self._lock = 0, threading.Lock()
+
+    def __enter__(self) -> None:
+        self._count(1)
+
+    def __exit__(self, *_: object) -> None:
+        self._count(-1)
+
+    def _count(self, more: int) -> None:
+        if self.seconds < threading.TIMEOUT_MAX:
+            with self._lock:
+                self._running += more
+                if self._running:
+                    faulthandler.dump_traceback_later(self.seconds, exit=True)
+                else:
+                    faulthandler.cancel_dump_traceback_later()
+
+
+_hook_limit = _HookLimit()
+
+
+def limit_hooks(seconds: float) -> None:
+    """End this process when a hook takes longer than that."""
+    _hook_limit.seconds = seconds
 
 
 def installed() -> dict[str, EntryPoint]:
@@ -402,7 +435,7 @@ class LoadedPlugin:
         """What the plugin answers to a hook, when it is of the expected type and passes the check. Raises
         PluginFailedError."""
         try:
-            with activity.at_work(self.name, hook):
+            with _hook_limit:
                 answer = getattr(self.manager.hook, hook)(**arguments)
         except SavmapError:
             raise

@@ -8,7 +8,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from savmap.errors import OutputError, PluginError, PluginFailedError, SiteError
+from savmap.errors import OutputError, PluginError, SiteError
 from savmap.files.atomic import reason
 from savmap.files.places import PREFIX, guard, new_file, opened_folder, require_free
 from savmap.files.urls import is_url
@@ -73,10 +73,10 @@ def _restored(token: str, values: Mapping[str, Any]) -> Job:
     return _received[token]
 
 
-def plugins_for(job: Job, row: str, failed: Mapping[str, PluginFailedError] | None = None) -> Sequence[LoadedPlugin]:
-    """The job's plugins, each with its settings for one row. `failed`: those that failed in this row already."""
+def plugins_for(job: Job, row: str) -> Sequence[LoadedPlugin]:
+    """The job's plugins, each with its settings for one row."""
     plugins = [job.opened(row, name) for name in dict.fromkeys(job.plugins)]
-    return isolated(plugins, row, failed or {}) if job.skips_failed_plugins else plugins
+    return isolated(plugins, row) if job.skips_failed_plugins else plugins
 
 
 def job_for(

@@ -11,7 +11,7 @@ import pytest
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.jobs.cache import FolderCache
-from savmap.jobs.dask_executor import DaskExecutor
+from savmap.jobs.executors import DaskExecutor
 from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.site.job import job_for
 from savmap.types.progress import SilentMonitor
@@ -92,7 +92,7 @@ class Killer(SilentMonitor):
 
 
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.jobs.dask_executor.CONNECT_S", 0.5)
+    monkeypatch.setattr("savmap.jobs.executors.CONNECT_S", 0.5)
     with pytest.raises(SavmapError, match="no Dask scheduler answers there"):
         DaskExecutor("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
 
@@ -100,7 +100,7 @@ def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_worker_with_other_code_is_named(
     cluster: tuple[str, list["subprocess.Popen[bytes]"]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("savmap.jobs.dask_executor.code", lambda _: "another")
+    monkeypatch.setattr("savmap.jobs.executors.code", lambda _: "another")
     with pytest.raises(
         SavmapError, match=r"worker tcp://.* would give another map: its savmap, plugins or libraries differ"
     ):

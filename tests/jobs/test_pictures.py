@@ -154,7 +154,7 @@ def test_row_whose_face_is_not_known_has_no_picture(tmp_path: Path) -> None:
     path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
     mapped = StoredRecord(RowMap, RowMap("A", TABLE, {}, path, {}, ()))
     rows = {"A": (mapped, StoredRecord(RowStrips, RowStrips()))}
-    result = tasks.picture_task(job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path), rows, {})
+    result = tasks.picture_task(job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path), rows)
     record = result.records["A"]
     assert isinstance(record, StoredRecord)
     assert record.record.orthophoto is None
