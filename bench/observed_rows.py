@@ -27,8 +27,7 @@ from savmap.lab.sim.observations import MaskErrors
 from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import parse_scene
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain

@@ -21,7 +21,7 @@ from savmap.files.atomic import write_bytes, write_text
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.tasks import request_for
 from savmap.maps.survey import read_survey
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowMeasurements
 from savmap.pipeline.row import map_rows, measure
 from savmap.site.job import job_for
 from savmap.types import Floats, RowMap, Structure

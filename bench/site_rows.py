@@ -14,7 +14,7 @@ from savmap.lab.sim.drive.cart import drive
 from savmap.lab.sim.observations import PAPER
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import parse_scene
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowMeasurements
 from savmap.types import Floats, FrameTable, Placement, RowFacts, RowMap, Structure, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings

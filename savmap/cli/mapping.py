@@ -16,7 +16,6 @@ from savmap.jobs.map_site import MAP, failures_recorded, map_job_into, written_f
 from savmap.jobs.scheduler import RunOptions
 from savmap.jobs.tasks import request_for
 from savmap.maps.run_record import failed_since
-from savmap.pipeline.initial_poses import initial_attitudes
 from savmap.pipeline.preview import previews
 from savmap.report.evaluation import as_table
 from savmap.site.job import Job, prepare
@@ -94,5 +93,5 @@ def preview_and_print(job: Job) -> None:
         say(note)
     for name in job.site.rows:
         request = request_for(job, name)
-        for path in previews(name, request.passes, request.plugins, job.output, initial_attitudes(request.path)):
+        for path in previews(name, request.passes, request.plugins, job.output, request.attitudes):
             say(f"row {name}: wrote {path}")

@@ -9,7 +9,6 @@ from savmap.errors import SavmapError, SiteError, VideoError
 from savmap.jobs.map_site import written_files
 from savmap.jobs.resource_estimate import resource_estimate
 from savmap.jobs.tasks import request_for
-from savmap.pipeline.initial_poses import initial_attitudes
 from savmap.pipeline.preview import picture_name, preview
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
@@ -115,7 +114,7 @@ def _preview(job: Job, part: Footage, pictures: bool) -> Iterator[SavmapError | 
     try:
         if pictures:
             request, path = request_for(job, part.row), job.output / picture_name(part.row, part.name)
-            segmenters, attitude = SegmenterPool(request.plugins), initial_attitudes(request.path).get(part.name)
+            segmenters, attitude = SegmenterPool(request.plugins), request.attitudes.get(part.name)
             looked = preview(part.name, row_pass, request.plugins, segmenters, path, attitude)
             keys, pairs = looked.keys, looked.pairs
             remark += f", views in {path}"

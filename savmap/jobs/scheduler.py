@@ -18,7 +18,8 @@ from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, s
 from savmap.jobs.executors import DaskExecutor, ProcessExecutor, SerialExecutor, Shown, TaskExecutor, WorkerCrashedError
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, RunClock
 from savmap.maps.run_record import RowRun, RunLog
-from savmap.pipeline.measure import RowMeasurements, frames_of
+from savmap.pipeline.measure import frames_of
+from savmap.pipeline.records import RowMeasurements
 from savmap.plugin import trace
 from savmap.site.job import Job
 from savmap.types import Orthophoto, RowMap, RowStrips, Still

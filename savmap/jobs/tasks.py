@@ -18,9 +18,8 @@ from savmap.files.journal import Parts
 from savmap.jobs.cache import StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
 from savmap.pipeline.cutting import spaced_stills
-from savmap.pipeline.measure import FrameJournal, FrameRecord, RowMeasurements
 from savmap.pipeline.orthophoto import orthophoto
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements, RowRequest
 from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed

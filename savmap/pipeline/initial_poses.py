@@ -1,13 +1,10 @@
 """Where the camera is taken to be before anything is solved."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import CameraPriors, camera_priors, published_start
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.types import Floats, Trajectory
 from savmap.vision.attitude import attitudes
 
@@ -58,8 +55,3 @@ def attitudes_of(measurements: RowMeasurements) -> Floats:
     first = np.stack([measurements.attitudes[name] for name in measurements.facts.frames.passes])
     edges = [feature for features in measurements.features.values() for feature in features if feature.axis is not None]
     return attitudes(edges, measurements.facts.views, first)
-
-
-def initial_attitudes(path: Trajectory | None) -> Mapping[str, Floats]:
-    """What an earlier map says of the attitude at the start of the row's (only) pass."""
-    return {"pass 1": path.world_from_rig[0, :3, :3]} if path is not None else {}

@@ -9,9 +9,9 @@ from typing import TypeVar
 import numpy as np
 
 from savmap.errors import StructureError, VideoError
-from savmap.files.journal import Journal
-from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, NoStrips, SeveralCutters, Stills, StripCutter
-from savmap.pipeline.networks import choices_told, with_best_networks
+from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
+from savmap.pipeline.networks import network_lines, with_best_networks
+from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements, RowRequest
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out
@@ -21,9 +21,7 @@ from savmap.site.model import MIN_FRAMES, Pass, pass_names
 from savmap.types import (
     Doubt,
     Feature,
-    FlatDepth,
     Floats,
-    Flow,
     FrameTable,
     Panorama,
     RowFacts,
@@ -38,9 +36,9 @@ from savmap.video.clip import is_folder, too_few
 from savmap.video.footage.watch import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
-from savmap.vision.evidence import FloorTracks, PackedView
+from savmap.vision.evidence import PackedView
 from savmap.vision.flow import FlowTracker, NullFlowTracker
-from savmap.vision.markers import Label, MarkerTracker, MarkerTracks
+from savmap.vision.markers import MarkerTracker
 from savmap.vision.views import Renderer
 
 WORKERS, DEPTH = 2, 3
@@ -49,73 +47,23 @@ Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
-class FrameRecord:
-    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and
-    what was cut of it."""
-
-    features: Mapping[str, Sequence[Feature]]
-    packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
-    cuts: Sequence[Cut] = ()
-
-    def fits(self, frame: int, plan: PassPlan) -> bool:
-        """Whether it is of a frame and its views, as only what is in a file that was forged or spoilt is not."""
-        views = {spec.name for spec in plan.plugins_by_view}
-        features = [item for items in self.features.values() for item in items]
-        packed_views = [item for items in self.packed_views.values() for item in items]
-        return (
-            all(isinstance(item, Feature) and item.frame == frame and item.view in views for item in features)
-            and all(
-                isinstance(item, PackedView) and item.frame == frame and item.view in views for item in packed_views
-            )
-            and all(isinstance(cut, Cut) and cut.frame == frame for cut in self.cuts)
-        )
-
-
-FrameJournal = Journal[FrameRecord]
-
-
-@dataclass(frozen=True, eq=False)
 class WalkJournal:
-    """What a journal has of one walk over the frames of a pass; nothing without one. What is measured once one of the
+    """What a journal has of a walk over the frames of a pass; nothing without a journal. What is measured once one of the
     plugins has failed is not kept: it is tried again next time."""
 
     journal: FrameJournal | None
     walk: str
-    plan: PassPlan
     plugins: Sequence[LoadedPlugin]
 
     def get(self, frame: int) -> FrameRecord | None:
         """What was measured in a frame before the run was cut off."""
-        record = self.journal.get(self.walk, frame) if self.journal else None
-        return record if record is not None and record.fits(frame, self.plan) else None
+        return self.journal.get(self.walk, frame) if self.journal else None
 
     def add(self, frame: int, record: FrameRecord) -> FrameRecord:
         """Keep what is measured in a frame."""
         if self.journal and not failed(self.plugins):
             self.journal.add(self.walk, frame, record)
         return record
-
-
-@dataclass(frozen=True, eq=False)
-class RowMeasurements:
-    """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
-    known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
-    `failed`: by plugin, how it failed, where the row is mapped without it. `doubts`: what of the footage speaks against
-    what was measured. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how
-    many frames the decoder left out, as the notes say."""
-
-    facts: RowFacts
-    features: Mapping[str, Sequence[Feature]]
-    attitudes: Mapping[str, Floats]
-    locators: frozenset[str]
-    notes: tuple[str, ...]
-    marks: MarkerTracks
-    flows: Sequence[Flow] = ()
-    failed: Mapping[str, str] = field(default_factory=dict)
-    doubts: tuple[Doubt, ...] = ()
-    depths: tuple[FlatDepth, ...] = ()
-    floor: FloorTracks = field(default_factory=FloorTracks)
-    skipped: int = 0
 
 
 def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
@@ -152,56 +100,45 @@ class MeasuredPasses:
     floor_views: Mapping[str, ViewSpec] = field(default_factory=dict)
 
 
-def measure_row(
-    row: str,
-    passes: Sequence[Pass],
-    plugins: Sequence[LoadedPlugin],
-    monitor: Monitor,
-    attitudes: Mapping[str, Floats] | None = None,
-    markers: Sequence[Label] = (),
-    appearance: bool = False,
-    strips: bool = False,
-    stills: bool = False,
-    journal: FrameJournal | None = None,
-) -> MeasuredPasses:
+def measure_row(row: RowRequest, monitor: Monitor) -> MeasuredPasses:
     """Features of all plugins over all passes of a row.
-
-    attitudes: world_from_rig (3, 3) at the start of a pass where an earlier map gives it; markers: those to look for;
-    appearance: whether to follow points of any kind in the views of the face; strips: whether to keep strips for an
-    orthophoto; stills: whether to keep panoramas to be looked at; journal: keeps what is measured, and has what a run
-    that was cut off measured.
 
     Raises SiteError, VideoError, ModelError, PluginError, or StructureError when a pass has too few frames.
     """
-    renderer, known = Renderer(), dict(attitudes or {})
-    first, *others = zip(pass_names(passes), passes, strict=True)
-    monitor.note(f"row {row}, {first[0]}: choosing the views")
-    plugins, first_plan = with_best_networks(*first, plugins, renderer, known.get(first[0]))
+    renderer, attitudes = Renderer(), row.attitudes
+    first, *others = zip(pass_names(row.passes), row.passes, strict=True)
+    monitor.note(f"row {row.name}, {first[0]}: choosing the views")
+    plugins, first_plan = with_best_networks(*first, row.plugins, renderer, attitudes.get(first[0]))
     segmenters = SegmenterPool(plugins)
-    flow = FlowTracker() if appearance else NullFlowTracker()
     floor, face = FloorCutter(renderer), FaceStrips(renderer)
-    cutter = SeveralCutters([floor, *([face] if strips else []), *([Stills()] if stills else [])])
-    walk = RowWalk(plugins, segmenters, renderer, MarkerTracker(markers), flow, cutter, journal)
-    walk.notes += [*segmenters.notes, *(f"row {row}: {choice}" for choice in choices_told(plugins))]
-    walk.over(row, first_plan, monitor)
+    walk = RowWalk(
+        plugins,
+        segmenters,
+        renderer,
+        MarkerTracker([(marker.dictionary, marker.number) for marker in row.gauge_references.markers]),
+        FlowTracker() if row.appearance else NullFlowTracker(),
+        [floor, *([face] if row.strips else []), *([Stills()] if row.stills else [])],
+        row.journal,
+    )
+    walk.notes += [*segmenters.notes, *(f"row {row.name}: {line}" for line in network_lines(plugins))]
+    walk.over(row.name, first_plan, monitor)
     plans = [first_plan]
     for name, row_pass in others:
-        monitor.note(f"row {row}, {name}: choosing the views")
-        plan, _ = plan_pass(name, row_pass, plugins, segmenters, renderer, known.get(name))
-        walk.over(row, plan, monitor)
+        monitor.note(f"row {row.name}, {name}: choosing the views")
+        plan, _ = plan_pass(name, row_pass, plugins, segmenters, renderer, attitudes.get(name))
+        walk.over(row.name, plan, monitor)
         plans.append(plan)
-    facts = RowFacts(row, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel)
     failures = failed(plugins)
     measurements = RowMeasurements(
-        facts,
-        {plugin: [] if plugin in failures else features for plugin, features in walk.features.items()},
-        {**walk.attitudes, **known},
-        frozenset(walk.locators),
-        (*walk.notes, *map(left_out, failures.values())),
-        walk.markers.marks,
-        walk.flow.flows,
-        failures,
-        tuple(walk.doubts),
+        facts=RowFacts(row.name, FrameTable(np.array(walk.stamps), tuple(walk.passes)), walk.views, walk.travel),
+        features={plugin: [] if plugin in failures else features for plugin, features in walk.features.items()},
+        attitudes={**walk.attitudes, **attitudes},
+        locators=frozenset(walk.locators),
+        notes=(*walk.notes, *map(left_out, failures.values())),
+        marks=walk.markers.marks,
+        flows=walk.flow.flows,
+        failed=failures,
+        doubts=tuple(walk.doubts),
         skipped=walk.skipped,
     )
     return MeasuredPasses(
@@ -209,9 +146,9 @@ def measure_row(
         plans,
         walk.packed_views,
         plugins,
-        RowStrips(face.views, walk.cuts_of(Strip), walk.cuts_of(Still)),
-        walk.cuts_of(PackedView),
-        floor.views,
+        strips=RowStrips(face.views, walk.cuts_of(Strip), walk.cuts_of(Still)),
+        floor=walk.cuts_of(PackedView),
+        floor_views=floor.views,
     )
 
 
@@ -244,12 +181,11 @@ class RowWalk:
         renderer: Renderer,
         markers: MarkerTracker,
         flow: FlowTracker,
-        cutter: StripCutter | None = None,
+        cutters: Sequence[StripCutter] = (),
         journal: FrameJournal | None = None,
     ) -> None:
         self.plugins, self.segmenters, self.renderer = plugins, segmenters, renderer
-        self.markers, self.flow, self.cutter = markers, flow, cutter or NoStrips()
-        self.journal = journal
+        self.markers, self.flow, self.cutters, self.journal = markers, flow, cutters, journal
         self.stamps: list[float] = []
         self.passes: list[str] = []
         self.views: dict[str, ViewSpec] = {}
@@ -270,15 +206,17 @@ class RowWalk:
     def over(self, row: str, plan: PassPlan, monitor: Monitor) -> None:
         """Walk through one pass. Views are rendered and segmented ahead of their turn by other threads."""
         report, watch, first = DecodeReport(), PassWatch(), len(self.passes)
-        self.cutter.begin(plan, next((name for name in self.packed_views if plan.plans[name].views), None))
+        for cutter in self.cutters:
+            cutter.begin(plan, next((name for name in self.packed_views if plan.plans[name].views), None))
         text = f"row {row}, {plan.name}: measuring"
-        kept = WalkJournal(self.journal, MEASURING, plan, self.plugins)
+        kept = WalkJournal(self.journal, MEASURING, self.plugins)
         render = partial(self._render, plan=plan, kept=kept)
-        for panorama, (views, cuts) in rendered(plan.clip, first, report, render, monitor, text):
+        for panorama, (views, record) in rendered(plan.clip, first, report, render, monitor, text):
             watch.update(panorama)
             self._follow(panorama, views, plan)
-            record = kept.get(panorama.frame)
-            self._take(record or kept.add(panorama.frame, self._measured(panorama, views, cuts, plan)))
+            if not isinstance(record, FrameRecord):
+                record = kept.add(panorama.frame, self._measured(panorama, views, record, plan))
+            self._take(record)
         if len(self.passes) - first < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, len(self.passes) - first, plan.name))
         self.doubts += [
@@ -302,17 +240,21 @@ class RowWalk:
         if not report.complete:
             self.notes.append(f"{plan.clip.path}: {report.text()}")
 
-    def _render(self, panorama: Panorama, plan: PassPlan, kept: WalkJournal) -> tuple[list[View], list[Cut]]:
+    def _render(
+        self, panorama: Panorama, plan: PassPlan, kept: WalkJournal
+    ) -> tuple[list[View], FrameRecord | list[Cut]]:
         """A panorama's views, about which the networks have been asked, and what is cut of it. Several threads may do
-        this at once. Of a frame that is kept, only the views are needed in which points are followed."""
-        is_kept = kept.get(panorama.frame) is not None
-        if is_kept and isinstance(self.flow, NullFlowTracker):
-            return [], []
+        this at once. Of a frame that is kept, its record, and the views, if points are followed in them."""
+        record = kept.get(panorama.frame)
+        if record is not None and isinstance(self.flow, NullFlowTracker):
+            return [], record
         views = [self.renderer.render(panorama, spec) for spec in plan.plugins_by_view if spec.shows(panorama.frame)]
-        for view in [] if is_kept else views:
+        if record is not None:
+            return views, record
+        for view in views:
             for plugin in self._plugins_at(view, plan):
                 self.segmenters.prefetch(plugin, view)
-        return views, [] if is_kept else self.cutter.cut(panorama)
+        return views, [cut for cutter in self.cutters for cut in cutter.cut(panorama)]
 
     def _follow(self, panorama: Panorama, views: Sequence[View], plan: PassPlan) -> None:
         """Go on to a frame with what is followed from each frame to the next."""

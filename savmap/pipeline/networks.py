@@ -70,7 +70,7 @@ def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> L
     return chosen
 
 
-def choices_told(plugins: Sequence[LoadedPlugin]) -> list[str]:
+def network_lines(plugins: Sequence[LoadedPlugin]) -> list[str]:
     """A line for each plugin that looks with another network than its own."""
     changed = [plugin for plugin in plugins if plugin.network is not None]
     return [f"`{plugin.name}` looks with {plugin.model.name}, which sees more here" for plugin in changed]

@@ -49,23 +49,23 @@ def previews(
     """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written.
     `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
     segmenters = SegmenterPool(plugins)
-    for name, one in zip(pass_names(passes), passes, strict=True):
+    for name, row_pass in zip(pass_names(passes), passes, strict=True):
         path = folder / picture_name(row, name)
-        preview(name, one, plugins, segmenters, path, attitudes.get(name))
+        preview(name, row_pass, plugins, segmenters, path, attitudes.get(name))
         yield path
 
 
 def preview(
     name: str,
-    one: Pass,
+    row_pass: Pass,
     plugins: Sequence[LoadedPlugin],
     segmenters: SegmenterPool,
     path: Path,
     attitude: Floats | None = None,
 ) -> PassPreview:
-    """Write the picture of one pass; gives what was looked at to choose the views. Raises SavmapError's kinds."""
+    """Write the picture of one pass; gives what the views were chosen by. Raises SavmapError's kinds."""
     renderer = Renderer()
-    aimed, pass_preview = plan_pass(name, one, plugins, segmenters, renderer, attitude)
+    aimed, pass_preview = plan_pass(name, row_pass, plugins, segmenters, renderer, attitude)
     picture = overview(pass_preview.keys, list(dict.fromkeys(aimed.views().values())), renderer)
     write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
     return pass_preview

@@ -3,11 +3,61 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from savmap.files.journal import Journal
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
-from savmap.pipeline.measure import FrameJournal, RowMeasurements
+from savmap.pipeline.cutting import Cut
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
-from savmap.types import PlanePatch, RowStrips, Structure, Track, Trajectory
+from savmap.types import (
+    Doubt,
+    Feature,
+    FlatDepth,
+    Floats,
+    Flow,
+    PlanePatch,
+    RowFacts,
+    RowStrips,
+    Structure,
+    Track,
+    Trajectory,
+)
+from savmap.vision.evidence import FloorTracks, PackedView
+from savmap.vision.markers import MarkerTracks
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRecord:
+    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and
+    what was cut of it."""
+
+    features: Mapping[str, Sequence[Feature]]
+    packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
+    cuts: Sequence[Cut] = ()
+
+
+FrameJournal = Journal[FrameRecord]
+
+
+@dataclass(frozen=True, eq=False)
+class RowMeasurements:
+    """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
+    known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
+    `failed`: by plugin, how it failed, where the row is mapped without it. `doubts`: what of the footage speaks against
+    what was measured. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how
+    many frames the decoder left out, as the notes say."""
+
+    facts: RowFacts
+    features: Mapping[str, Sequence[Feature]]
+    attitudes: Mapping[str, Floats]
+    locators: frozenset[str]
+    notes: tuple[str, ...]
+    marks: MarkerTracks
+    flows: Sequence[Flow] = ()
+    failed: Mapping[str, str] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()
+    depths: tuple[FlatDepth, ...] = ()
+    floor: FloorTracks = field(default_factory=FloorTracks)
+    skipped: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +82,11 @@ class RowRequest:
     strips: bool = False
     stills: bool = False
     journal: FrameJournal | None = None
+
+    @property
+    def attitudes(self) -> Mapping[str, Floats]:
+        """world_from_rig (3, 3) at the start of the row's (only) pass, where an earlier map gives it."""
+        return {"pass 1": self.path.world_from_rig[0, :3, :3]} if self.path is not None else {}
 
     @property
     def gauge_references(self) -> References:

@@ -8,14 +8,15 @@ import numpy as np
 from savmap import graph
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.graph import Constraints
-from savmap.pipeline.initial_poses import first_poses, initial_attitudes
+from savmap.pipeline.initial_poses import first_poses
 from savmap.pipeline.joint_covariance import joint_covariance
-from savmap.pipeline.measure import RowMeasurements, measure_row
+from savmap.pipeline.measure import measure_row
 from savmap.pipeline.records import (
     DescribedRow,
     LocatedRow,
     MeasuredRow,
     PosedRow,
+    RowMeasurements,
     RowRequest,
     SolvedRow,
     TrackedRow,
@@ -65,19 +66,7 @@ def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
         return MeasuredRow(row, row.measurements)
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
-    markers = [(marker.dictionary, marker.number) for marker in row.gauge_references.markers]
-    measured = measure_row(
-        row.name,
-        row.passes,
-        row.plugins,
-        monitor,
-        initial_attitudes(row.path),
-        markers,
-        row.appearance,
-        row.strips,
-        row.stills,
-        row.journal,
-    )
+    measured = measure_row(row, monitor)
     return MeasuredRow(row, look_again(row, measured, monitor), strips=measured.strips)
 
 

@@ -21,8 +21,8 @@ from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
 from savmap.graph import References
 from savmap.pipeline.initial_poses import first_poses
-from savmap.pipeline.measure import FrameRecord, MeasuredPasses, RowMeasurements, WalkJournal, rendered
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.measure import MeasuredPasses, WalkJournal, rendered
+from savmap.pipeline.records import FrameRecord, RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import (
@@ -366,7 +366,7 @@ def measure_again(
     for plan in measured.plans:
         views = [spec for (owner, _), spec in plan.views().items() if owner == plugin.name]
         text = f"row {row.name}, {plan.name}: looking again"
-        kept = WalkJournal(row.journal, f"look {number} of {plugin.name}", plan, [plugin])
+        kept = WalkJournal(row.journal, f"look {number} of {plugin.name}", [plugin])
         render = partial(look.render, views=views, kept=kept)
         for panorama, shown in rendered(plan.clip, passes.index(plan.name), DecodeReport(), render, monitor, text):
             record = kept.get(panorama.frame) or kept.add(

@@ -11,7 +11,7 @@ from savmap.files import journal as journals
 from savmap.files.journal import Parts
 from savmap.jobs import tasks
 from savmap.jobs.cache import FolderCache, StoredRecord
-from savmap.pipeline.measure import FrameJournal, FrameRecord, RowMeasurements
+from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements
 from savmap.types import FrameTable, RowFacts
 from savmap.vision.markers import MarkerTracks
 

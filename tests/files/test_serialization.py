@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from savmap.files.serialization import packed, unpacked
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowMeasurements
 from savmap.types import Axis, Feature, FrameTable, RowFacts, ViewSpec
 from savmap.vision.markers import MarkerTracks
 

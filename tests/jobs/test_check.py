@@ -14,9 +14,8 @@ from savmap.jobs import resource_estimate
 from savmap.jobs.check import CheckError, check
 from savmap.jobs.resource_estimate import FRAMES, ResourceEstimate, duration
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.pipeline.measure import RowMeasurements
 from savmap.pipeline.preview import picture_name
-from savmap.pipeline.records import MeasuredRow, RowRequest
+from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
 from savmap.pipeline.view_plans import PassPlan
 from savmap.site.job import job_for
 from savmap.site.preflight import require_ready

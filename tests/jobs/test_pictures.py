@@ -16,7 +16,7 @@ from savmap.jobs.cache import FolderCache, NoCache, RowCache, StoredRecord
 from savmap.jobs.map_site import write_photo
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import Failure, RowPicture, TaskResult
-from savmap.pipeline.measure import RowMeasurements
+from savmap.pipeline.records import RowMeasurements
 from savmap.report.page import Report
 from savmap.site.job import Job, job_for
 from savmap.types import (

@@ -23,7 +23,7 @@ def test_only_the_views_of_the_face_are_looked_at() -> None:
     picture = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):
         panorama = Panorama(frame, frame / 15, picture)
-        views, _ = walk._render(panorama, aimed, measure.WalkJournal(None, "measuring", aimed, []))
+        views, _ = walk._render(panorama, aimed, measure.WalkJournal(None, "measuring", []))
         walk._follow(panorama, views, aimed)
     assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
     assert len(walk.flow.flows[0].pixels) > 50

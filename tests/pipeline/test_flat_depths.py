@@ -9,8 +9,8 @@ import pytest
 from savmap.errors import SolveError
 from savmap.graph import LocatedCamera, References, camera_priors
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import MeasuredPasses, RowMeasurements
-from savmap.pipeline.records import LocatedRow, RowRequest, TrackedRow
+from savmap.pipeline.measure import MeasuredPasses
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
 from savmap.pipeline.second_look import PluginAlone, depths_of
 from savmap.types import FlatDepth, FlatParts, PlanePatch

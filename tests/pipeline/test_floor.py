@@ -10,10 +10,9 @@ from savmap import graph
 from savmap.errors import SolveError
 from savmap.graph import CameraHeight, References, camera_priors
 from savmap.graph.factors.floor import REFERENCE, without_presumed
+from savmap.pipeline import cutting
 from savmap.pipeline.cutting import FloorCutter
-from savmap.pipeline.cutting import floor_views as cutting
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import LocatedRow, PosedRow, RowRequest, TrackedRow
+from savmap.pipeline.records import LocatedRow, PosedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Panorama, Trajectory, ViewPlan, ViewSpec

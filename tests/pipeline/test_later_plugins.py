@@ -5,8 +5,7 @@ import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import LocatedRow, RowRequest
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest
 from savmap.pipeline.row import constrain, track
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin

@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.graph import KnownMarker, References, camera_priors
 from savmap.pipeline import measure
-from savmap.pipeline.records import LocatedRow, RowRequest
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest
 from savmap.pipeline.row import marker_constraints
 from savmap.site.model import Site
 from savmap.site.preflight import tells_scale
@@ -36,7 +36,7 @@ def test_one_that_was_not_seen_is_noted() -> None:
     facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
     start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
     references = References(markers=(MARKER,))
-    seen = measure.RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
+    seen = RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
     request = RowRequest("A", (), (), references)
     row = LocatedRow(request, seen, start, camera_priors(facts, start, references))
     found, notes = marker_constraints(row)

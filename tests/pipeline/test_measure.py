@@ -16,7 +16,8 @@ from savmap.errors import PluginError
 from savmap.files import journal as journals
 from savmap.files.serialization import packed
 from savmap.pipeline import measure
-from savmap.pipeline.cutting import SeveralCutters, Stills
+from savmap.pipeline.cutting import Stills
+from savmap.pipeline.records import FrameJournal, FrameRecord
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
@@ -70,11 +71,10 @@ def threads() -> set[threading.Thread]:
 
 
 def walk_of(
-    rooms: list[LoadedPlugin], journal: measure.FrameJournal | None = None, flow: FlowTracker | None = None
+    rooms: list[LoadedPlugin], journal: FrameJournal | None = None, flow: FlowTracker | None = None
 ) -> measure.RowWalk:
-    markers, cutter = MarkerTracker([("tag36h11", 7)]), SeveralCutters([Stills()])
-    flow = flow or NullFlowTracker()
-    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), markers, flow, cutter, journal)
+    markers, flow = MarkerTracker([("tag36h11", 7)]), flow or NullFlowTracker()
+    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), markers, flow, [Stills()], journal)
 
 
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: PassPlan) -> None:
@@ -175,7 +175,7 @@ def test_a_walk_that_was_cut_off_goes_on_there(
 
     def walked(parts: Shelf | None) -> bytes:
         rooms = [room("one", extract), room("two", extract)]
-        with measure.FrameJournal(measure.FrameRecord, parts) as journal:
+        with FrameJournal(FrameRecord, parts) as journal:
             walk = walk_of(rooms, journal, FlowTracker())
             walk.over("A", plan, SilentMonitor())
         seen = [walk.features, walk.packed_views, walk.stamps, walk.passes, walk.cuts, walk.notes, walk.flow.flows]
@@ -205,14 +205,6 @@ def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, mon
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
     shelf = Shelf()
     rooms = isolated([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0), room("two", lambda *_: [])])
-    walk = walk_of([*rooms], measure.FrameJournal(measure.FrameRecord, shelf))
+    walk = walk_of([*rooms], FrameJournal(FrameRecord, shelf))
     walk.over("A", aimed, SilentMonitor())
     assert journals.counts(shelf) == {"measuring": 3}
-
-
-def test_kept_frames_of_other_views_are_measured_again(aimed: PassPlan) -> None:
-    feature = Feature(1, "pass 1 / ahead", "light", "centre", 0, np.ones((1, 2)), np.eye(2)[None])
-    assert measure.FrameRecord({"one": [feature]}).fits(1, aimed)
-    assert not measure.FrameRecord({"one": [feature]}).fits(2, aimed)
-    assert not measure.FrameRecord({"one": [replace(feature, view="pass 2 / ahead")]}).fits(1, aimed)
-    assert not measure.FrameRecord({"one": [1]}).fits(1, aimed)  # type: ignore[list-item]

@@ -13,8 +13,8 @@ from savmap.errors import StructureError
 from savmap.pipeline import networks
 from savmap.pipeline.networks import (
     Candidate,
-    choices_told,
     further_models,
+    network_lines,
     sees_more,
     with_best_network,
     with_best_networks,
@@ -93,7 +93,7 @@ def test_network_that_sees_more_plans_its_own_views(shares: dict[Path, float]) -
     plan = Planner()
     best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
     assert (best.network, planned.notes, plan.asked) == (OTHER, ("other.onnx",), [OWN, OTHER])
-    assert choices_told([best]) == ["`one` looks with other.onnx, which sees more here"]
+    assert network_lines([best]) == ["`one` looks with other.onnx, which sees more here"]
 
 
 def test_network_that_finds_the_structure_is_taken(shares: dict[Path, float]) -> None:

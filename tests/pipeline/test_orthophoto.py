@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from savmap.geometry import sphere
-from savmap.pipeline.cutting import FaceStrips, NoStrips
-from savmap.pipeline.cutting import face_strips as cutting
-from savmap.pipeline.cutting.face_strips import strip_views
+from savmap.pipeline import cutting
+from savmap.pipeline.cutting import FaceStrips, strip_views
 from savmap.pipeline.orthophoto import gains, orthophoto, shots_of
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Strip, Trajectory, ViewPlan, ViewSpec
@@ -148,7 +147,7 @@ def test_nothing_is_made_of_a_face_out_of_sight() -> None:
 
 def test_strips_are_narrow_and_as_fine_as_the_panorama(monkeypatch: pytest.MonkeyPatch) -> None:
     (spec,) = strip_views(PLAN, "one")
-    assert spec.hfov_deg == pytest.approx(cutting.HFOV_DEG, abs=0.5)
+    assert spec.hfov_deg == pytest.approx(cutting.STRIP_HFOV_DEG, abs=0.5)
     assert spec.camera[0, 0] == pytest.approx(HEIGHT / np.pi, rel=0.01)
     assert spec.height == pytest.approx(2 * HEIGHT / np.pi * np.tan(np.radians(60)), abs=1)
     assert not list(strip_views(PLAN, "two"))
@@ -161,6 +160,6 @@ def test_strips_of_a_long_pass_are_as_many_as_are_needed(monkeypatch: pytest.Mon
 
 
 def test_nobodys_face_is_not_cut() -> None:
-    for cutter in (FaceStrips(Renderer()), NoStrips()):
-        cutter.begin(PLAN, None)
-        assert cutter.cut(panorama(0)) == []
+    cutter = FaceStrips(Renderer())
+    cutter.begin(PLAN, None)
+    assert cutter.cut(panorama(0)) == []

@@ -15,8 +15,8 @@ from savmap.files import journal as journals
 from savmap.files.serialization import packed
 from savmap.graph import References
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import FrameJournal, FrameRecord, MeasuredPasses, RowMeasurements
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.measure import MeasuredPasses
+from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements, RowRequest
 from savmap.pipeline.second_look import Expectation, PluginAlone, look_again, unexplained
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin

@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.pipeline.cutting import SeveralCutters, Stills, spaced_stills
-from savmap.pipeline.cutting import stills as cutting
-from savmap.pipeline.cutting.stills import reduced
+from savmap.pipeline import cutting
+from savmap.pipeline.cutting import Stills, reduced, spaced_stills
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import FilmedPanorama, Panorama, Planes, Still, Trajectory, ViewPlan
 from savmap.video.reader import Clip, VideoInfo
@@ -29,7 +28,7 @@ def panorama(frame: int, height: int = 100) -> Panorama:
 
 
 def kept(count: int) -> tuple[Still, ...]:
-    cutter = SeveralCutters([Stills()])
+    cutter = Stills()
     cutter.begin(PLAN, None)
     return tuple(cut for frame in range(count) for cut in cutter.cut(panorama(frame)) if isinstance(cut, Still))
 

@@ -11,8 +11,7 @@ from savmap.graph.solver.directions import DirectionalErrors
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowRequest, SolvedRow
+from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowMeasurements, RowRequest, SolvedRow
 from savmap.pipeline.row import collect, constrain, track
 from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, supports

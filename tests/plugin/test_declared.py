@@ -9,8 +9,7 @@ import pytest
 from savmap.errors import PluginError, StructureError
 from savmap.graph import Constraints, KeySpace, Landmark, References, camera_priors, image_measurements
 from savmap.maps.map_file import map_of, map_text
-from savmap.pipeline.measure import RowMeasurements
-from savmap.pipeline.records import LocatedRow, RowRequest, TrackedRow
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import measure, track
 from savmap.plugin.manager import LoadedPlugin
 from savmap.report.page.uncertainty import _hint
