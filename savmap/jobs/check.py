@@ -4,7 +4,7 @@ take."""
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from savmap.assembly.same_face import rows_with_same_face
+from savmap.assembly import rows_with_same_face
 from savmap.errors import SavmapError, SiteError, VideoError
 from savmap.jobs.map_site import written_files
 from savmap.jobs.resource_estimate import resource_estimate

@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from savmap.assembly import aligned, assembled, with_doubts
-from savmap.assembly.confirmed import with_confirmed
-from savmap.assembly.same_face import same_face_doubts
+from savmap.assembly import aligned, assembled, same_face_doubts, with_confirmed, with_doubts
 from savmap.errors import (
     DoubtfulError,
     OutputError,

@@ -7,8 +7,7 @@ import pytest
 from made_up_site import site
 from pydantic import ValidationError
 
-from savmap.assembly.confirmed import with_confirmed
-from savmap.assembly.doubts import with_doubts
+from savmap.assembly import with_confirmed, with_doubts
 from savmap.site.model import Row
 from savmap.types import Doubt, SiteMap, Verdict
 from savmap.types.verdicts import by_cause

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from savmap.assembly.same_face import rows_with_same_face, same_face_doubts
+from savmap.assembly import rows_with_same_face, same_face_doubts
 from savmap.site.model import Row
 
 
