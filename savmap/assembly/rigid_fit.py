@@ -2,7 +2,7 @@
 where they are known.
 
 Unknown are the heading and the shift (x, y); the map's scale stays. The residual of a place is A (R p + t - w): p its
-position in the map (2,), w where it is known, and A the directions along which it is known: both, or across a line. Its
+position in the map (2,), w where the user knows it, and A the directions along which it is known: both, or across a line. Its
 covariance is the user's, that of the place in its row, and that of the row in the site, which the places of one row
 have in common.
 """
@@ -62,9 +62,9 @@ class RigidFit:
         """A used place's residual in standard deviations."""
         left = self.noise[rows, rows] - self.slopes[rows] @ self.covariance @ self.slopes[rows].T
         values, vectors = np.linalg.eigh(left)
-        known = values > FLAT * float(np.trace(self.noise[rows, rows]))
-        along = vectors.T[known] @ self.residuals[rows]
-        return float(np.sqrt((along**2 / values[known]).sum()))
+        kept = values > FLAT * float(np.trace(self.noise[rows, rows]))
+        along = vectors.T[kept] @ self.residuals[rows]
+        return float(np.sqrt((along**2 / values[kept]).sum()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +116,19 @@ class PlaceEquations:
 
     def _rough_headings(self) -> list[float]:
         """Headings that least squares may come to: that of points, in closed form; where there are lines, those that
-        are come to from all sides."""
+        are come to from all sides, with a diagonal covariance that knows no direction."""
+        variances = [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places]
         if all(place.normal is None for place in self.places):
-            weights = 1 / np.array(
-                [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places]
+            weights = 1 / np.array(variances)
+            mapped, given = (
+                places - np.average(places, axis=0, weights=weights) for places in (self.points, self.world)
             )
-            here, there = (places - np.average(places, axis=0, weights=weights) for places in (self.points, self.world))
-            cross = here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0]
-            return [float(np.arctan2(weights @ cross, weights @ (here * there).sum(axis=1)))]
+            cross = mapped[:, 0] * given[:, 1] - mapped[:, 1] * given[:, 0]
+            return [float(np.arctan2(weights @ cross, weights @ (mapped * given).sum(axis=1)))]
+        noise = np.diag(np.repeat(variances, [len(place.axes) for place in self.places]))
         headings: list[float] = []
         for heading in np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False).tolist():
-            rough = self._descended(heading, self._rough_noise())
+            rough = self._descended(heading, noise)
             if rough is not None and not any(_near(rough.heading_rad, other) for other in headings):
                 headings.append(rough.heading_rad)
         return headings
@@ -172,12 +174,6 @@ class PlaceEquations:
         at_middle[1:, 0] = _turned_by(fit.heading_rad) @ middle
         covariance = at_middle @ fit.covariance @ at_middle.T
         return float(np.sqrt(covariance[0, 0])), float(np.sqrt(np.linalg.eigvalsh(covariance[1:, 1:])[-1]))
-
-    def _rough_noise(self) -> Floats:
-        """A diagonal covariance that knows no direction."""
-        return np.diag(
-            [place.sigma**2 + np.trace(place.place.covariance[:2, :2]) / 2 for place in self.places for _ in place.axes]
-        )
 
     def _descended(self, heading_rad: float, noise: Floats) -> RigidFit | None:
         """The fit that least squares come to from a heading, with this covariance of the residuals; None where they
