@@ -34,23 +34,23 @@ class Aligned:
     notes: tuple[str, ...] = ()
 
 
-def aligned(site_map: SiteMap, known: KnownAlignment) -> Aligned:
+def aligned(site_map: SiteMap, source: KnownAlignment) -> Aligned:
     """The site map where the user says that it stands. Raises SiteError with the place in the file for places that are
     not in the map, that do not tell where the site stands, or that contradict one another so that it cannot be told
     which is wrong."""
-    section = known.section
+    section = source.section
     anchor = (section.anchor.latitude_deg, section.anchor.longitude_deg) if section.anchor else None
     if section.x_m is not None and section.y_m is not None and section.heading_deg is not None:
         alignment = _given(section, section.x_m, section.y_m, section.heading_deg)
         return Aligned(replace(site_map, alignment=replace(alignment, anchor=anchor)))
-    found = known_places(site_map, known)
+    mapped = known_places(site_map, source)
     placements = {name: placement.covariance for name, placement in site_map.placements.items()}
-    equations = PlaceEquations(found.places, placements, found.directed)
-    judged = _judged(equations, known)
-    height, height_notes = _height(found.places, section.z_m, known)
-    alignment = _alignment(equations, judged, height)
+    equations = PlaceEquations(mapped.places, placements, mapped.directed)
+    choice = _chosen(equations, source)
+    height, height_notes = _height(mapped.places, section.z_m, source)
+    alignment = _alignment(equations, choice, height)
     return Aligned(
-        replace(site_map, alignment=replace(alignment, anchor=anchor)), (*found.left_out, *judged.notes, *height_notes)
+        replace(site_map, alignment=replace(alignment, anchor=anchor)), (*mapped.left_out, *choice.notes, *height_notes)
     )
 
 
@@ -61,7 +61,8 @@ def alignment_lines(site_map: SiteMap) -> Iterator[str]:
     if alignment is None:
         return
     x, y, turn = np.sqrt(np.diag(alignment.covariance))
-    pose = f"x {alignment.x_m:.3f}, y {alignment.y_m:.3f}, z {alignment.z_m:.3f} m, heading {alignment.heading_deg:.3f} degrees"
+    place = f"x {alignment.x_m:.3f}, y {alignment.y_m:.3f}, z {alignment.z_m:.3f} m"
+    pose = f"{place}, heading {alignment.heading_deg:.3f} degrees"
     yield f"the site in your world: {pose} (sigma {100 * x:.1f}, {100 * y:.1f} cm, {turn:.3f} degrees)"
     if alignment.residuals:
         wide = max(len(f"row {residual.row}, {residual.at}") for residual in alignment.residuals)
@@ -74,11 +75,12 @@ def alignment_lines(site_map: SiteMap) -> Iterator[str]:
             yield f"{f'row {residual.row}, {residual.at}':>{wide}}{cells}{residual.deviation:11.1f}{out}"
     if alignment.scale is not None:
         percent, sigma = 100 * (alignment.scale.value - 1), 100 * alignment.scale.sigma
-        yield f"distances between these places: {percent:+.2f} % (sigma {sigma:.2f} %) against the map, whose scale stays"
+        figure = f"{percent:+.2f} % (sigma {sigma:.2f} %)"
+        yield f"distances between these places: {figure} against the map, whose scale stays"
 
 
 @dataclass(frozen=True, eq=False)
-class _Judged:
+class _Choice:
     """A fit with the equations that it rests on, the numbers of places left out, the scale, and what the user should
     know."""
 
@@ -95,57 +97,53 @@ def _given(section: AlignSection, x_m: float, y_m: float, heading_deg: float) ->
     return Alignment(x_m, y_m, _wrapped_deg(heading_deg), covariance, section.z_m)
 
 
-def _judged(equations: PlaceEquations, known: KnownAlignment) -> _Judged:
+def _chosen(equations: PlaceEquations, source: KnownAlignment) -> _Choice:
     """The fit of all places, or of those that agree. Raises SiteError as `aligned` does."""
-    fit = _determined(equations, known)
+    fit = _determined(equations, source)
     scale = equations.scale(fit)
     if fit.likelihood >= CONTRADICTS:
-        return _Judged(equations, fit, (), scale, _scale_notes(scale, known))
+        return _Choice(equations, fit, (), scale, _scale_notes(scale, source))
     scaled = equations.likelihood_with(fit, scale) if scale is not None else 0.0
-    choice = _without_wrong_ones(equations, known)
+    choice = _without_wrong_ones(equations, source)
     if choice is not None and choice.fit.likelihood >= scaled:
         return choice
     if scaled >= CONTRADICTS:
         inflation = fit.squares / (len(fit.residuals) - 3)
-        return _Judged(equations, fit, (), scale, _scale_notes(scale, known), inflation)
-    raise SiteError(known.line((), _contradiction(equations, fit)))
+        return _Choice(equations, fit, (), scale, _scale_notes(scale, source), inflation)
+    raise SiteError(source.line((), _contradiction(equations, fit)))
 
 
-def _determined(equations: PlaceEquations, known: KnownAlignment) -> RigidFit:
+def _determined(equations: PlaceEquations, source: KnownAlignment) -> RigidFit:
     """The likeliest fit. Raises SiteError where there are several, or where it leaves the heading or the place open."""
     if not equations.places:
-        raise SiteError(known.line((), "none of its rows were mapped"))
+        raise SiteError(source.line((), "none of its rows were mapped"))
     fits = [fit for fit in equations.fits() if np.abs(fit.shift).max() < FARTHEST_M]
     if not fits:
-        raise SiteError(
-            known.line(
-                (),
-                "no way to turn and move the site brings its places where they are known, in the order in which lines name them",
-            )
-        )
+        what = "no way to turn and move the site brings its places where they are known"
+        raise SiteError(source.line((), f"{what}, in the order in which lines name them"))
     heading, shift = equations.spread(fits[0])
     if np.degrees(heading) > MOST_HEADING_DEG:
         sure = f"+- {np.degrees(heading):.0f} degrees" if np.degrees(heading) < 180 else "at all"
         raise SiteError(
-            known.line((), f"the places do not say how the site is turned ({sure}): give others, further apart")
+            source.line((), f"the places do not say how the site is turned ({sure}): give others, further apart")
         )
     if shift > MOST_SHIFT_M:
         raise SiteError(
-            known.line((), "the places do not say where the site stands: lines leave it open along them, add a point")
+            source.line((), "the places do not say where the site stands: lines leave it open along them, add a point")
         )
     if len(fits) > 1:
         turns = " or ".join(f"{np.degrees(fit.heading_rad):.0f}" for fit in fits)
-        raise SiteError(known.line((), f"the places fit with heading {turns} degrees: give another point"))
+        raise SiteError(source.line((), f"the places fit with heading {turns} degrees: give another point"))
     return fits[0]
 
 
-def _without_wrong_ones(equations: PlaceEquations, known: KnownAlignment) -> _Judged | None:
+def _without_wrong_ones(equations: PlaceEquations, source: KnownAlignment) -> _Choice | None:
     """The fit without as few places as it takes for the others to agree; None where that cannot be told."""
     left: list[int] = []
     numbers = list(range(len(equations.places)))
     current = equations
     for _ in range(max(1, len(numbers) // MOST_SHARE)):
-        trials = _trials(current, known)
+        trials = _trials(current, source)
         if not trials:
             return None
         worst, fit = trials[0]
@@ -155,13 +153,13 @@ def _without_wrong_ones(equations: PlaceEquations, known: KnownAlignment) -> _Ju
         if len(agreeing) > 1:
             return None
         if agreeing:
-            notes = [_wrong(equations.places[number], fit, known) for number in left]
+            notes = [_wrong(equations.places[number], fit, source) for number in left]
             scale = current.scale(fit)
-            return _Judged(current, fit, left, scale, [*notes, *_scale_notes(scale, known)])
+            return _Choice(current, fit, left, scale, [*notes, *_scale_notes(scale, source)])
     return None
 
 
-def _trials(equations: PlaceEquations, known: KnownAlignment) -> list[tuple[int, RigidFit]]:
+def _trials(equations: PlaceEquations, source: KnownAlignment) -> list[tuple[int, RigidFit]]:
     """Fits without one place each, with its number, that one first without which the others agree best."""
     fits = equations.fits()
     if not fits or len(equations.places) < 3:
@@ -171,26 +169,26 @@ def _trials(equations: PlaceEquations, known: KnownAlignment) -> list[tuple[int,
     trials: list[tuple[int, RigidFit]] = []
     for number in suspects:
         try:
-            trials.append((number, _determined(equations.without(number), known)))
+            trials.append((number, _determined(equations.without(number), source)))
         except SiteError:
             continue
     surplus = [trial for trial in trials if len(trial[1].residuals) > 3]
     return sorted(surplus, key=lambda trial: -trial[1].likelihood)
 
 
-def _wrong(place: KnownPlace, fit: RigidFit, known: KnownAlignment) -> str:
+def _wrong(place: KnownPlace, fit: RigidFit, source: KnownAlignment) -> str:
     off, deviation, _ = _prediction(place, fit)
-    what = f"{place.name} is {np.linalg.norm(off):.3f} m ({deviation:.0f} sigmas) from where the other places say; it is aligned without it"
-    return known.line(place.location, what)
+    what = f"{place.name} is {np.linalg.norm(off):.3f} m ({deviation:.0f} sigmas) from where the other places say"
+    return source.line(place.location, f"{what}; it is aligned without it")
 
 
-def _scale_notes(scale: Measured | None, known: KnownAlignment) -> list[str]:
+def _scale_notes(scale: Measured | None, source: KnownAlignment) -> list[str]:
     if scale is None or abs(scale.value - 1) < OFF_SIGMA * scale.sigma:
         return []
     percent, sigma = 100 * (scale.value - 1), 100 * scale.sigma
     longer = "longer" if percent > 0 else "shorter"
-    what = f"distances between the places are {abs(percent):.2f} % (sigma {sigma:.2f} %) {longer} than in the map, whose scale stays as it is"
-    return [known.line((), what)]
+    what = f"distances between the places are {abs(percent):.2f} % (sigma {sigma:.2f} %) {longer} than in the map"
+    return [source.line((), f"{what}, whose scale stays as it is")]
 
 
 def _contradiction(equations: PlaceEquations, fit: RigidFit) -> str:
@@ -199,8 +197,8 @@ def _contradiction(equations: PlaceEquations, fit: RigidFit) -> str:
         given = float(np.linalg.norm(places[1].world - places[0].world))
         mapped = float(np.linalg.norm(equations.points[1] - equations.points[0]))
         return (
-            f"the two points contradict the map: they are {given:.3f} m apart in your world and {mapped:.3f} m in the map "
-            f"({np.sqrt(fit.squares):.0f} sigmas); give a third one to tell which is wrong"
+            f"the two points contradict the map: they are {given:.3f} m apart in your world and {mapped:.3f} m "
+            f"in the map ({np.sqrt(fit.squares):.0f} sigmas); give a third one to tell which is wrong"
         )
     deviations = {place.name: fit.deviation(equations.rows(k)) for k, place in enumerate(places)}
     worst = sorted(deviations, key=lambda name: -deviations[name])[:3]
@@ -208,41 +206,41 @@ def _contradiction(equations: PlaceEquations, fit: RigidFit) -> str:
     return f"the places contradict one another, and it cannot be told which is wrong: {named}"
 
 
-def _height(places: Sequence[KnownPlace], given: float, known: KnownAlignment) -> tuple[Floats, list[str]]:
+def _height(places: Sequence[KnownPlace], given: float, source: KnownAlignment) -> tuple[Floats, list[str]]:
     """The floor's height in the user's world and what is left of each place's height (1 + n,), NaN where none was
     given; and a line where heights contradict one another."""
     offsets = np.array([np.nan if p.height is None else p.height - p.place.position[2] for p in places])
     variances = np.array([place.sigma**2 + place.place.covariance[2, 2] for place in places])
-    told = ~np.isnan(offsets)
-    if not told.any():
+    measured = ~np.isnan(offsets)
+    if not measured.any():
         return np.array([given, *offsets]), []
-    mean = float(np.average(offsets[told], weights=1 / variances[told]))
+    mean = float(np.average(offsets[measured], weights=1 / variances[measured]))
     left = offsets - mean
-    squares = float((left[told] ** 2 / variances[told]).sum())
-    if told.sum() < 2 or chi2.sf(squares, told.sum() - 1) >= CONTRADICTS:
+    squares = float((left[measured] ** 2 / variances[measured]).sum())
+    if measured.sum() < 2 or chi2.sf(squares, measured.sum() - 1) >= CONTRADICTS:
         return np.array([mean, *left]), []
     worst = int(np.nanargmax(np.abs(left) / np.sqrt(variances)))
     what = f"{places[worst].name} is {left[worst]:+.3f} m off in height, by what the other heights say"
-    return np.array([mean, *left]), [known.line(places[worst].location, what)]
+    return np.array([mean, *left]), [source.line(places[worst].location, what)]
 
 
-def _alignment(equations: PlaceEquations, judged: _Judged, height: Floats) -> Alignment:
-    fit = judged.fit
+def _alignment(equations: PlaceEquations, choice: _Choice, height: Floats) -> Alignment:
+    fit = choice.fit
     order = [1, 2, 0]
     units = np.array([1.0, 1.0, np.degrees(1.0)])
-    covariance = judged.inflation * fit.covariance[np.ix_(order, order)] * np.outer(units, units)
-    residuals = tuple(_residuals(equations, judged, height[1:]))
+    covariance = choice.inflation * fit.covariance[np.ix_(order, order)] * np.outer(units, units)
+    residuals = tuple(_residuals(equations, choice, height[1:]))
     x, y = fit.shift.tolist()
     heading = float(np.degrees(fit.heading_rad))
-    return Alignment(x, y, heading, covariance, float(height[0]), residuals=residuals, scale=judged.scale)
+    return Alignment(x, y, heading, covariance, float(height[0]), residuals=residuals, scale=choice.scale)
 
 
-def _residuals(equations: PlaceEquations, judged: _Judged, heights: Floats) -> Iterator[AlignmentResidual]:
-    kept = [k for k in range(len(equations.places)) if k not in judged.left_out]
+def _residuals(equations: PlaceEquations, choice: _Choice, heights: Floats) -> Iterator[AlignmentResidual]:
+    kept = [k for k in range(len(equations.places)) if k not in choice.left_out]
     for k, place in enumerate(equations.places):
-        off, deviation, spread = _prediction(place, judged.fit)
+        off, deviation, spread = _prediction(place, choice.fit)
         if k in kept:
-            deviation = judged.fit.deviation(judged.used.rows(kept.index(k)))
+            deviation = choice.fit.deviation(choice.used.rows(kept.index(k)))
         z_sigma = np.nan if np.isnan(heights[k]) else np.sqrt(place.sigma**2 + place.place.covariance[2, 2])
         sigmas = np.sqrt(np.diag(spread))
         residual, sigma = np.array([*off, heights[k]]), np.array([*sigmas, z_sigma])
@@ -257,11 +255,11 @@ def _prediction(place: KnownPlace, fit: RigidFit) -> tuple[Floats, float, Floats
     at = turn @ place.place.position[:2]
     across = place.axes.T @ place.axes
     off = across @ (place.world - at - fit.shift)
-    own = across @ (place.sigma**2 * np.eye(2) + turn @ place.place.covariance[:2, :2] @ turn.T) @ across
+    spread = across @ (place.sigma**2 * np.eye(2) + turn @ place.place.covariance[:2, :2] @ turn.T) @ across
     slopes = np.array([[-at[1], 1.0, 0.0], [at[0], 0.0, 1.0]])
-    whole = own + across @ slopes @ fit.covariance @ slopes.T @ across
+    whole = spread + across @ slopes @ fit.covariance @ slopes.T @ across
     squares = float(off @ np.linalg.pinv(whole) @ off)
-    return off, max(squares, 0.0) ** 0.5, own
+    return off, max(squares, 0.0) ** 0.5, spread
 
 
 def _wrapped_deg(angle: float) -> float:

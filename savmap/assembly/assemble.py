@@ -55,9 +55,9 @@ def assembled(
     plugin that fails.
     """
     rows = site_map.rows
-    known = {name: _with_gauge_sigma(prior) for name, prior in priors.items() if name in rows}
+    given = {name: _with_gauge_sigma(prior) for name, prior in priors.items() if name in rows}
     common = list(overlaps(rows, recordings))
-    anchors = known or gauge_of(rows, common)
+    anchors = given or gauge_of(rows, common)
     start = first_placements(rows, anchors, common)
     if not start:
         return Assembly(replace(site_map, placements={}, matches=()))
@@ -68,7 +68,7 @@ def assembled(
     drives = [overlap_record(overlap, solved.poses) for overlap in used]
     placed = _placed(site_map, drives, solved)
     doubts = (
-        placement_doubts(known, solved.poses),
+        placement_doubts(given, solved.poses),
         drive_doubts(used, drives),
         match_doubts(solved.left_out, solved.poses),
     )
@@ -247,7 +247,8 @@ def site_lines(site: SiteMap) -> Iterator[str]:
     if left:
         yield f"not placed: {', '.join(left)} (they have no given place, and nothing in common with a row that has one)"
     if site.matches:
-        yield f"{'rows':>{wide}}  {'in common':<16}{'n':>4}{'x':>8}{'y':>8}{'z':>8}{'largest':>9}   apart, cm (rms); sigmas"
+        columns = f"{'n':>4}{'x':>8}{'y':>8}{'z':>8}{'largest':>9}"
+        yield f"{'rows':>{wide}}  {'in common':<16}{columns}   apart, cm (rms); sigmas"
         for (a, b, kind), matches in matches_by_kind(site.matches).items():
             yield f"{a + ', ' + b:>{wide}}  {kind:<16}{len(matches):4d}{_figures(matches)}"
 

@@ -64,28 +64,28 @@ class KnownPlaces:
     left_out: Sequence[str]
 
 
-def known_places(site: SiteMap, known: KnownAlignment) -> KnownPlaces:
+def known_places(site: SiteMap, source: KnownAlignment) -> KnownPlaces:
     """The places that the section's points and lines name. Raises SiteError with file and line for one that is not in
     the map."""
-    finder = _Finder(site, known)
+    finder = _Finder(site, source)
     places: list[KnownPlace] = []
     directed: list[tuple[int, int]] = []
-    for number, point in enumerate(known.section.points):
-        found = finder.places(point, ("points", number), (point.at,))
-        places += [_on_point(place, point, ("points", number)) for place in found]
-    for number, line in enumerate(known.section.lines):
-        found = finder.places(line, ("lines", number), line.through)
-        if len(found) > 1:
-            directed.append((len(places), len(places) + len(found) - 1))
-        places += [_on_line(place, line, ("lines", number)) for place in found]
+    for number, point in enumerate(source.section.points):
+        mapped = finder.places(point, ("points", number), (point.at,))
+        places += [_on_point(place, point, ("points", number)) for place in mapped]
+    for number, line in enumerate(source.section.lines):
+        mapped = finder.places(line, ("lines", number), line.through)
+        if len(mapped) > 1:
+            directed.append((len(places), len(places) + len(mapped) - 1))
+        places += [_on_line(place, line, ("lines", number)) for place in mapped]
     return KnownPlaces(places, directed, finder.left_out)
 
 
 class _Finder:
     """Looks places up in a site map; `left_out` gathers what is said of rows that failed."""
 
-    def __init__(self, site: SiteMap, known: KnownAlignment) -> None:
-        self.site, self.known = site, known
+    def __init__(self, site: SiteMap, source: KnownAlignment) -> None:
+        self.site, self.known = site, source
         self.left_out: list[str] = []
 
     def places(self, entry: AlignPoint | AlignLine, location: Location, names: Sequence[str]) -> list[MappedPlace]:
@@ -135,13 +135,13 @@ def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
     then by how labels begin."""
     parts = [part for group in row.structures.values() for part in group]
     for named in (_labelled, _whole, _beginning):
-        found = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
-        if len(found) > 1:
-            raise SiteError(f"there are {len(found)} structures in row {row.name} that `{at}` may mean")
-        if found:
-            return found[0]
-    known = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
-    near = difflib.get_close_matches(at, known, 3)
+        mapped = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
+        if len(mapped) > 1:
+            raise SiteError(f"there are {len(mapped)} structures in row {row.name} that `{at}` may mean")
+        if mapped:
+            return mapped[0]
+    source = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
+    near = difflib.get_close_matches(at, source, 3)
     raise SiteError(f"row {row.name} has no `{at}`" + (f"; nearest: {', '.join(near)}" if near else ""))
 
 

@@ -2,7 +2,7 @@
 where they are known.
 
 Unknown are the heading and the shift (x, y); the map's scale stays. The residual of a place is A (R p + t - w): p its
-position in the map (2,), w where the user knows it, and A the directions along which it is known: both, or across a line. Its
+position in the map (2,), w where it is known, and A the directions along which it is known: both, or across a line. Its
 covariance is the user's, that of the place in its row, and that of the row in the site, which the places of one row
 have in common.
 """
