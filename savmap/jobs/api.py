@@ -109,7 +109,7 @@ def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEV
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
 
 
-def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
+def align(site_map: SiteMap | PathLike, places: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:
     """The map with its place in the user's world (`alignment`), from a file with the section `align` of a site file, or
     that alone.
 
@@ -117,7 +117,7 @@ def align(site_map: SiteMap | PathLike, known: PathLike, tell: Callable[[str], N
     left out. Raises SiteError with file and line where the places do not tell where the site stands, or contradict one
     another.
     """
-    result = aligned(_map_of(site_map), load_alignment(where(known)))
+    result = aligned(_map_of(site_map), load_alignment(where(places)))
     if tell is not None:
         for note in result.notes:
             tell(note)
@@ -155,10 +155,10 @@ def view(
     page, written = viewed(
         source, None if survey is None else where(survey), fresh, None if against is None else where(against)
     )
-    found = MapView(page, written)
+    map_view = MapView(page, written)
     if show or (show is None and not in_notebook()):
-        found.open()
-    return found
+        map_view.open()
+    return map_view
 
 
 def measure(site_map: SiteMap | PathLike, first: str, second: str) -> VertexDistance:
@@ -191,11 +191,11 @@ def import_survey(
     stand = RowPlaces(site_map if site_map is None else _map_of(site_map), dict(map(place_of, _several(places) or [])))
     options = options_of(columns or {}, labels or {}, unit, row, frame, stand.known)
     files = [where(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
-    classes = {name: tuple(own.classes) for name, own in load_installed().classes.items()}
-    known = {label.casefold(): label for own in classes.values() for label in own}
-    found = [one for path in files for one in elements_of(path, options, known)]
-    moved, notes = in_rows(found, stand, row)
-    result = survey_of(moved, classes, lambda name, own: open_plugin(name, {}).survey_entry(own))
+    classes = {name: tuple(plugin.classes) for name, plugin in load_installed().classes.items()}
+    names = {label.casefold(): label for labels_of_plugin in classes.values() for label in labels_of_plugin}
+    elements = [element for path in files for element in elements_of(path, options, names)]
+    moved, notes = in_rows(elements, stand, row)
+    result = survey_of(moved, classes, lambda name, entry: open_plugin(name, {}).survey_entry(entry))
     return replace(result, notes=(*notes, *result.notes))
 
 
@@ -205,28 +205,28 @@ def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = No
 
     Raises SiteError for an unknown format or ending, PluginError for an exporter that fails, OutputError.
     """
-    target, known = where(path), exporters()
-    export_map(_map_of(site_map), format or format_of(target, known), target, known)
+    target, formats = where(path), exporters()
+    export_map(_map_of(site_map), format or format_of(target, formats), target, formats)
     return target
 
 
-def _map_of(one: SiteMap | PathLike) -> SiteMap:
-    return one if isinstance(one, SiteMap) else load_map(one)
+def _map_of(source: SiteMap | PathLike) -> SiteMap:
+    return source if isinstance(source, SiteMap) else load_map(source)
 
 
 def _several(names: Sequence[str] | None) -> list[str] | None:
-    """Texts that were given as a list, or as the one text that is meant."""
+    """Texts that were given as a list, or as the single text that is meant."""
     if names is None:
         return None
     several = [names] if isinstance(names, str) else list(names)
-    for one in several:
-        _require_text(one)
+    for name in several:
+        _require_text(name)
     return several
 
 
-def _require_text(one: object) -> None:
-    if not isinstance(one, str):
-        raise TypeError(f"a text is expected, not {type(one).__name__}")
+def _require_text(name: object) -> None:
+    if not isinstance(name, str):
+        raise TypeError(f"a text is expected, not {type(name).__name__}")
 
 
 def _mapped(job: Job, write: bool, progress: Monitor | None, jobs: int) -> SiteMap:

@@ -11,22 +11,19 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.atomic import file_name, reason, write_bytes
 from savmap.files.journal import Parts
 from savmap.files.serialization import packed, unpacked
-from savmap.files.texts import bounded_bytes
 from savmap.files.urls import is_url
 
 log = logging.getLogger("savmap")
 FOLDER = "stages"
-MOST_MB = 2048
 LEFT_BEHIND = re.compile(r"\.savmap-\w{8}|\..+\.\d+\.part")
 
 
@@ -58,52 +55,38 @@ class StoredRecord(Generic[Record]):
         return self._content
 
 
-class RowCache(Protocol):
-    """What earlier runs worked out of each row, by stage and by the key of what it was made of (see `cache_keys`)."""
-
-    def load(self, row: str, stage: str, key: str) -> bytes | None:
-        """What a stage of a row gave when it was made of the same; None where there is no such thing."""
-        ...
-
-    def save(self, row: str, stage: str, key: str, content: bytes) -> None:
-        """Keep what a stage of a row gave. Raises OutputError where it cannot be written."""
-        ...
-
-    def frames(self, row: str, key: str) -> Parts | None:
-        """Where what was measured in single frames of a row is kept, until all of them are measured; None where nothing
-        is."""
-        ...
-
-
 class NoCache:
     """Keeps nothing."""
 
-    def load(self, row: str, stage: str, key: str) -> None:
+    def load(self, row: str, stage: str, key: str) -> bytes | None:
         """None."""
 
     def save(self, row: str, stage: str, key: str, content: bytes) -> None:
         """Nothing."""
 
-    def frames(self, row: str, key: str) -> None:
+    def frames(self, row: str, key: str) -> Parts | None:
         """None."""
 
 
 @dataclass(frozen=True)
 class FolderCache:
-    """A cache in an output folder. `fresh`: what an earlier run kept is not used."""
+    """What earlier runs worked out of each row, by stage and by the key of what it was made of (see `cache_keys`), in
+    an output folder. `fresh`: what an earlier run kept is not used."""
 
     folder: Path
     fresh: bool = False
 
     def load(self, row: str, stage: str, key: str) -> bytes | None:
+        """What a stage of a row gave when it was made of the same; None where nothing fits."""
         try:
-            content = b"" if self.fresh else bounded_bytes(self._path(row, stage), MOST_MB)
-        except (OSError, ValueError):
+            content = b"" if self.fresh else self._path(row, stage).read_bytes()
+        except OSError:
             return None
         head, _, body = content.partition(b"\n")
         return body if head == _head(key, body) else None
 
     def save(self, row: str, stage: str, key: str, content: bytes) -> None:
+        """Keep what a stage of a row gave. Raises OutputError where it cannot be written."""
         write_bytes(self._path(row, stage), _head(key, content) + b"\n" + content)
 
     def drop(self, row: str, stage: str) -> bool:
@@ -114,23 +97,27 @@ class FolderCache:
             return False
         return True
 
-    def frames(self, row: str, key: str) -> Parts:
+    def frames(self, row: str, key: str) -> Parts | None:
+        """Where what is measured in single frames of a row is kept, until all of them are measured."""
         return _FrameParts(self, row, key)
 
     def _path(self, row: str, stage: str) -> Path:
         return self.folder / FOLDER / file_name(row) / stage
 
 
+RowCache = FolderCache | NoCache
+
+
 @dataclass(frozen=True)
 class _FrameParts:
-    """Parts of what was measured in single frames of a row, each in a file of its own."""
+    """Parts of what was measured in single frames of a row, each in a file of its own. Part 0 tells what is kept, which
+    may be of this run, also where nothing of an earlier one is used."""
 
     cache: FolderCache
     row: str
     key: str
 
     def load(self, part: int) -> bytes | None:
-        """Part 0 tells what is there, which may be of this run, also where nothing of an earlier one is used."""
         cache = self.cache if part else replace(self.cache, fresh=False)
         return cache.load(self.row, f"frames-{part}", self.key)
 
@@ -174,21 +161,11 @@ def _lock(place: int, folder: Path) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what a killed run was writing. Links are not followed, and what is unknown is left alone."""
-    rows = [Path(entry) for entry in _entries(folder / FOLDER) if entry.is_dir(follow_symlinks=False)]
-    for left in chain.from_iterable(map(_entries, (folder, folder / FOLDER, *rows))):
+    """Remove what a killed run was writing, and leave all else alone."""
+    for left in [*folder.glob(".*"), *(folder / FOLDER).rglob(".*")]:
         if not LEFT_BEHIND.fullmatch(left.name):
             continue
-        if left.is_dir(follow_symlinks=False):
+        if left.is_dir():
             shutil.rmtree(left, ignore_errors=True)
         else:
-            with suppress(OSError):
-                os.unlink(left)
-
-
-def _entries(folder: Path) -> list[os.DirEntry[str]]:
-    """What is in a folder; nothing where it is a link, no folder, or cannot be read."""
-    try:
-        return [] if folder.name == FOLDER and folder.is_symlink() else list(os.scandir(folder))
-    except OSError:
-        return []
+            left.unlink(missing_ok=True)

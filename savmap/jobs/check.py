@@ -1,18 +1,27 @@
 """`savmap check`: everything that can be known to be wrong with a site file before hours are spent, and what a run will
-take."""
+take, from a few frames of each kind of footage on this machine."""
 
-from collections.abc import Iterator, Sequence
+import resource
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
 from savmap.assembly import rows_with_same_face
-from savmap.errors import SavmapError, SiteError, VideoError
+from savmap.errors import OutputError, SavmapError, SiteError, VideoError
+from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
-from savmap.jobs.resource_estimate import resource_estimate
-from savmap.jobs.tasks import request_for
+from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
+from savmap.jobs.tasks import PER_MB, request_for
+from savmap.maps.run_record import read_log
 from savmap.pipeline.preview import picture_name, preview
+from savmap.pipeline.row import measure
+from savmap.pipeline.second_look import warnings_held_back
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
-from savmap.site.job import Job, chosen_plugins
+from savmap.site.job import Job, chosen_plugins, plugins_for
 from savmap.site.load import notes_on, problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
 from savmap.site.preflight import Footage, settings_problems, with_location
@@ -20,8 +29,10 @@ from savmap.types.progress import Monitor
 from savmap.video.clip import missing_s
 from savmap.video.reader import preview_frames, sampling_fps
 
+Item = TypeVar("Item")
 DECODABLE = 0.7
 """The share of a pass up to which key frames must be decodable."""
+FRAMES, WARM = 14, 4
 
 
 class CheckError(SavmapError):
@@ -130,3 +141,123 @@ def _preview(job: Job, part: Footage, pictures: bool) -> Iterator[SavmapError | 
     if is_short and last_s - row_pass.start_s < DECODABLE * (end_s - row_pass.start_s):
         text = f"{row_pass.video}: nothing can be decoded after {last_s:.1f} s; the file is cut off or damaged"
         yield with_location(VideoError(text), job.places, (*part.location, "video"))
+
+
+@dataclass
+class ProbeMonitor:
+    """A Monitor that lets only the first few frames of a pass through, and notes, on the clock and in the processor's
+    seconds, when each was asked for in the first walk."""
+
+    ticks: list[tuple[float, float]] = field(default_factory=list)
+
+    def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
+        ticks = self.ticks if not self.ticks else []
+        for item in islice(items, FRAMES):
+            ticks.append(_now())
+            yield item
+        ticks.append(_now())
+
+    def note(self, line: str) -> None:
+        """Lines are for runs."""
+
+    def left(self, seconds: float) -> None:
+        """So is this."""
+
+
+def _now() -> tuple[float, float]:
+    return time.perf_counter(), time.process_time()
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Seconds to choose a pass's views, what a frame costs, and bytes a frame of what is kept of it."""
+
+    plan_s: float
+    cost: FrameCost
+    frame_bytes: float
+
+
+@dataclass(frozen=True)
+class ResourceEstimate:
+    """What a run will take with one worker: frames, seconds of measuring them, seconds of all that comes after that, MB
+    on disk for what is kept of the rows, MB of memory that were in use after a few frames. A second look at the frames,
+    which most rows do not need, is not in it."""
+
+    frames: int
+    measure_s: float
+    after_s: float
+    disk_mb: float
+    memory_mb: float
+
+    def lines(self) -> Iterator[str]:
+        """For people."""
+        measuring = f"measuring them will take about {duration(self.measure_s)}"
+        yield f"{self.frames} frames; {measuring} with one worker on this machine"
+        again = "so does measuring once more where a row needs a second look"
+        yield f"solving and writing come on top: about {duration(self.after_s)}; {again}"
+        disk = f"about {self.disk_mb:.1f} MB of disk for what is kept of the rows"
+        yield f"{disk}; at least {self.memory_mb:.0f} MB of memory a worker"
+
+
+def resource_estimate(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
+    """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be measured."""
+    rates: dict[tuple[object, ...], Rate] = {}
+    for part in footage:
+        kind = _kind(job, part)
+        if kind not in rates:
+            rates[kind] = _rate(job, part)
+    parts = [(part.frames, rates[_kind(job, part)]) for part in footage]
+    frames = sum(count for count, _ in parts)
+    solving = _solve_rate(job.output)
+    later = [PICTURED] if solving is not None else [SOLVED, PICTURED]
+    return ResourceEstimate(
+        frames,
+        sum(rate.plan_s + count * rate.cost.frame_s + rate.cost.after_s(count, [MEASURED]) for count, rate in parts),
+        sum(rate.cost.after_s(count, later) + rate.cost.drawn_s(count) for count, rate in parts)
+        + frames * (solving or 0.0),
+        sum(count * rate.frame_bytes for count, rate in parts) / 1e6,
+        resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB,
+    )
+
+
+def duration(seconds: float) -> str:
+    """Seconds, minutes, or hours and minutes, in words."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _kind(job: Job, part: Footage) -> tuple[object, ...]:
+    """What decides how long a frame takes."""
+    models = tuple(plugin.model for plugin in plugins_for(job, part.row))
+    extras = (job.site.row_appearance(part.row), bool(job.site.row_references(part.row).markers))
+    return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.rate, models, extras
+
+
+def _rate(job: Job, part: Footage) -> Rate:
+    """Measure the first frames of a pass as a run does."""
+    probe = ProbeMonitor()
+    begin = time.perf_counter()
+    request = replace(
+        request_for(job, part.row),
+        passes=(part.row_pass,),
+        strips=job.site.orthophotos,
+        stills=job.site.panoramas,
+    )
+    with warnings_held_back():  # of a few frames, which show a part of the row
+        measured = measure(request, probe)
+    stored = packed(measured.measurements) + packed(measured.strips)
+    ticks = probe.ticks
+    cost = FrameCost.of(ticks[min(WARM, len(ticks) - 2) :])
+    return Rate(ticks[0][0] - begin, cost, len(stored) / (len(ticks) - 1))
+
+
+def _solve_rate(output: Path) -> float | None:
+    """Seconds a frame that solving took in the last run into a folder, if there was one."""
+    try:
+        rows = read_log(output / "run.json").rows.values()
+    except OutputError:
+        return None
+    solved = [row for row in rows if row.used and SOLVED in row.seconds]
+    return sum(row.seconds[SOLVED] for row in solved) / sum(row.used for row in solved) if solved else None

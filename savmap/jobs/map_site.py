@@ -130,10 +130,10 @@ def _record_failure(folder: Path, error: Exception, kept: bool) -> None:
 def _identity(path: Path) -> tuple[int, int] | None:
     """What is another after a file is written anew; None where there is none."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):
         return None
-    return found.st_ino, found.st_mtime_ns
+    return status.st_ino, status.st_mtime_ns
 
 
 def in_one_frame(job: Job, site_map: SiteMap, plugins: PluginsByRow) -> tuple[SiteMap, tuple[str, ...]]:
@@ -176,14 +176,15 @@ def with_footage(job: Job, log: RunLog) -> RunLog:
 
 
 def _footage_of(passes: Sequence[Pass]) -> dict[str, FootageFile]:
-    """By pass; without a size where the footage is gone since."""
-    found = {}
-    for name, one in zip(pass_names(passes), passes, strict=True):
-        found[name] = FootageFile(name=one.video.name)
+    """By pass; without a size where the footage was removed since."""
+    footage = {}
+    for name, row_pass in zip(pass_names(passes), passes, strict=True):
+        file = row_pass.video.name
+        footage[name] = FootageFile(name=file)
         with suppress(VideoError):
-            info = probe(one.video)
-            found[name] = FootageFile(name=one.video.name, width=info.width, height=info.height)
-    return found
+            info = probe(row_pass.video)
+            footage[name] = FootageFile(name=file, width=info.width, height=info.height)
+    return footage
 
 
 def made_by(job: Job) -> dict[str, str]:
@@ -249,7 +250,7 @@ def _write_results(
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its
     orthophoto if there is one, and the box plot where there is a survey; the scores, and the files worth a look."""
-    gone = _rows_of(job.output / MAP) - set(site_map.rows)
+    dropped = _rows_of(job.output / MAP) - set(site_map.rows)
     write_map(site_map, job.output / MAP)
     write_log(mapped.log, job.output / LOG)
     write_text(job.output / RESOLVED, json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n")
@@ -270,7 +271,7 @@ def _write_results(
     view = View(site_map, report.evaluation, report.title, photos, stills, origin, places=report.places)
     write_view(view, job.output / VIEW)
     files += [job.output / REPORT, job.output / VIEW]
-    _remove_files_of(gone, set(site_map.rows), job.output)
+    _remove_files_of(dropped, set(site_map.rows), job.output)
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
@@ -303,10 +304,10 @@ def _rows_of(map_file: Path) -> set[str]:
     return {name for section in sections if isinstance(section, dict) for name in section}
 
 
-def _remove_files_of(gone: set[str], rows: set[str], folder: Path) -> None:
+def _remove_files_of(dropped: set[str], rows: set[str], folder: Path) -> None:
     """Take away the pictures that an earlier run wrote of rows that the map has no more, and nothing else."""
     kept = {path.name.casefold() for row in rows for path in _files_of(row, folder)}
-    for path in (path for row in gone for path in _files_of(row, folder)):
+    for path in (path for row in dropped for path in _files_of(row, folder)):
         if path.name.casefold() not in kept:
             with suppress(OSError):
                 path.unlink(missing_ok=True)

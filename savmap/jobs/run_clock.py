@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
 from typing import TypeVar
 
+import numpy as np
+
 from savmap.types.progress import Monitor
 
 MEASURED, SOLVED, PICTURED = "measured", "solved", "pictured"
@@ -130,13 +132,11 @@ class RunClock:
         """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones
         are solved."""
         with self._lock:
-            known = {row: FrameCost.of([*row.ticks]) for row in self.rows.values() if len(row.ticks) >= LEAST_STEPS}
-            if not known:
+            timed = {row: FrameCost.of([*row.ticks]) for row in self.rows.values() if len(row.ticks) >= LEAST_STEPS}
+            if not timed:
                 return None
-            usual = FrameCost(
-                *(sum(figures) / len(known) for figures in zip(*map(astuple, known.values()), strict=True))
-            )
-            costs = {row: known.get(row, usual) for row in self.rows.values()}
+            usual = FrameCost(*np.mean([astuple(cost) for cost in timed.values()], axis=0).tolist())
+            costs = {row: timed.get(row, usual) for row in self.rows.values()}
             measured = [self._measured_s(row, cost) for row, cost in costs.items()]
             solved = [self._single_s(rows, SOLVED, costs) for rows in self.groups]
             pictured = [self._single_s([row], PICTURED, costs) for row in costs]
@@ -192,7 +192,7 @@ class RunClock:
             row.since_s = time.monotonic()
 
     @contextmanager
-    def told(self, workers: int) -> Iterator[None]:
+    def reported(self, workers: int) -> Iterator[None]:
         """While this lasts, the monitor is told how long the rest will take."""
         closed = threading.Event()
 

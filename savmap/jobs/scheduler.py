@@ -76,7 +76,7 @@ def map_rows_of(
     try:
         for group in groups:
             progress.begin(group)
-        with clock.told(workers):
+        with clock.reported(workers):
             for _ in monitor.each(progress.rows_done(executor.results()), "rows mapped", len(sizes)):
                 pass
     except KeyboardInterrupt as interrupt:
@@ -151,13 +151,13 @@ class _Progress:
 
     def rows_done(self, results: Iterable[tuple[Key, Any]]) -> Iterator[None]:
         """Take what tasks gave; an item for each row that is done with."""
-        told = 0
+        counted = 0
         for key, result in chain([(None, None)], results):
             if key is not None:
                 self.take(key, result)
             done = len(self.failed) + len(self.solved.keys() - self.pictured_next)
-            yield from [None] * (done - told)
-            told = max(done, told)
+            yield from [None] * (done - counted)
+            counted = max(done, counted)
 
     def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
         """Keep what a task gave, and go on from there."""

@@ -71,7 +71,8 @@ def measure_task(
     with_strips: bool = False,
     frames: Parts | None = None,
 ) -> TaskResult:
-    """What is measured in one row's pictures, with strips of them if they are wanted. `frames`: where what is measured in single frames is kept meanwhile."""
+    """What is measured in one row's pictures, with strips of them if they are wanted. `frames`: where what is measured
+    in single frames is kept meanwhile."""
     plugins_failed: dict[str, Mapping[str, str]] = {}
     strips: dict[str, StoredRecord[RowStrips]] = {}
 
@@ -108,8 +109,8 @@ def solve_task(
         with warnings_as_notes(warned):
             results = map_rows(requests, shown)
         for request in requests:
-            known = request.measurements.failed if request.measurements else {}
-            plugins_failed[request.name] = {**known, **failed(request.plugins)}
+            earlier = request.measurements.failed if request.measurements else {}
+            plugins_failed[request.name] = {**earlier, **failed(request.plugins)}
         return {
             row: StoredRecord(RowMap, with_notes(result, warned.lines))
             if isinstance(result, RowMap)

@@ -18,15 +18,15 @@ def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: So
     taken for independent. None where there is no such coordinate."""
     place = {key: 3 * number for number, key in enumerate(solution.covariance.keys)}
     positions = np.full(3 * len(place), np.nan)
-    found: dict[str, dict[str, Ints]] = {}
+    slots_by_id: dict[str, dict[str, Ints]] = {}
     for plugin, group in structures.items():
         landmarks, keys = solution.landmarks_of(plugin), solution.keys.get(plugin, {})
         if landmarks:
             points = _Points.of(landmarks, np.array([place[keys[name]] for name in landmarks]))
             positions[points.slots] = points.positions
-            found[plugin] = {structure.id: points.slots_of(structure) for structure in group}
+            slots_by_id[plugin] = {structure.id: points.slots_of(structure) for structure in group}
     slots = np.unique(
-        np.concatenate([[-1], *(numbers.ravel() for group in found.values() for numbers in group.values())])
+        np.concatenate([[-1], *(numbers.ravel() for group in slots_by_id.values() for numbers in group.values())])
     )[1:]
     if not len(slots):
         return None
@@ -36,7 +36,7 @@ def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: So
     number_of = np.full(slots[-1] + 2, -1)
     number_of[slots] = same
     coordinates = {
-        plugin: {name: number_of[numbers] for name, numbers in group.items()} for plugin, group in found.items()
+        plugin: {name: number_of[numbers] for name, numbers in group.items()} for plugin, group in slots_by_id.items()
     }
     return JointCovariance(coordinates, covariance[np.ix_(first, first)])
 
@@ -69,8 +69,8 @@ class _Points:
 def _groups(positions: Floats, axes: Ints, covariance: Floats) -> Ints:
     """Numbers (n,) from 0 of groups of coordinates along the same axis that are one and the same."""
     variances = np.diag(covariance)
-    apart = variances[:, None] + variances - 2 * covariance
-    near = (np.abs(positions[:, None] - positions) < SAME_M) & (axes[:, None] == axes) & (apart < SAME_SIGMA_M**2)
+    spread = variances[:, None] + variances - 2 * covariance
+    near = (np.abs(positions[:, None] - positions) < SAME_M) & (axes[:, None] == axes) & (spread < SAME_SIGMA_M**2)
     group: Ints = np.full(len(positions), -1)
     for number in range(len(positions)):
         group[number] = group[near[number].argmax()] if near[number].argmax() < number else group.max() + 1

@@ -48,8 +48,8 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True, eq=False)
 class WalkJournal:
-    """What a journal has of a walk over the frames of a pass; nothing without a journal. What is measured once one of the
-    plugins has failed is not kept: it is tried again next time."""
+    """What a journal has of a walk over the frames of a pass; nothing without a journal. What is measured once one of
+    the plugins has failed is not kept: it is tried again next time."""
 
     journal: FrameJournal | None
     walk: str

@@ -51,14 +51,14 @@ def with_best_networks(
     """
     preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, preview.keys)
-    found: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
+    chosen: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
     for plugin in face_first(plugins):
-        found[plugin.name] = with_best_network(
+        chosen[plugin.name] = with_best_network(
             plugin, preview, partial(_views_of, row_pass=row_pass, preview=preview, attitude=attitude)
         )
-        attitude = found[plugin.name][1].world_from_rig if attitude is None else attitude
-    plans = {plugin.name: found[plugin.name][1] for plugin in plugins}
-    return [found[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
+        attitude = chosen[plugin.name][1].world_from_rig if attitude is None else attitude
+    plans = {plugin.name: chosen[plugin.name][1] for plugin in plugins}
+    return [chosen[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:
@@ -97,13 +97,13 @@ def with_best_network(
     raise missed or StructureError(f"`{plugin.name}` finds no structure")
 
 
-def with_most_seen(own: Candidate, others: Sequence[Path], views: Sequence[View]) -> Candidate:
-    """The network that sees most in some views: the plugin's own, unless another sees clearly more."""
+def with_most_seen(first: Candidate, others: Sequence[Path], views: Sequence[View]) -> Candidate:
+    """The network that sees most in some views: the plugin's first, unless another sees clearly more."""
     if not views:
-        return own
-    best, most = own, seen(own, views)
+        return first
+    best, most = first, seen(first, views)
     for model in others:
-        other = _opened(replace(own[0], network=model))
+        other = _opened(replace(first[0], network=model))
         shares = seen(other, views)
         if sees_more(shares, most):
             best, most = other, shares

@@ -102,11 +102,11 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
             continue
         plugin_constraints = constrain_plugin(plugin, plugin_tracks, row, path)
         if plugin.failure is None:
-            known = graph.without_presumed(plugin_constraints) if floor else plugin_constraints
-            tracks[plugin.name], constraints[plugin.name] = plugin_tracks, known
+            tracks[plugin.name] = plugin_tracks
+            constraints[plugin.name] = graph.without_presumed(plugin_constraints) if floor else plugin_constraints
     metric_path = None if assumed else path
-    constraints, told = with_flat_depths(row, constraints, others, metric_path)
-    notes += [note_of(one, row.request.name) for one in told if not one.likely]
+    constraints, depths = with_flat_depths(row, constraints, others, metric_path)
+    notes += [note_of(depth, row.request.name) for depth in depths if not depth.likely]
     motion, figures = motion_constraints(row, [*constraints.values(), *others], metric_path)
     for note in notes:
         monitor.note(note)
@@ -118,7 +118,7 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         notes=tuple(notes),
         figures={
             **figures,
-            **{f"places that tell how deep {one.landmark} lies": one.sections for one in told if one.likely},
+            **{f"places that tell how deep {depth.landmark} lies": depth.sections for depth in depths if depth.likely},
         },
     )
 
@@ -144,7 +144,7 @@ def solve(rows: Sequence[PosedRow | SavmapError], monitor: Monitor) -> list[Solv
 
 def describe(row: SolvedRow) -> DescribedRow:
     """Structures of every plugin, which may say how they stand to the others'; none of a plugin that found nothing."""
-    alone = {
+    described = {
         plugin.name: tuple(plugin.describe(row.tracks[plugin.name], row.measurements.facts, row.solution))
         if plugin.name in row.tracks
         else ()
@@ -152,7 +152,7 @@ def describe(row: SolvedRow) -> DescribedRow:
     }
     related: dict[str, tuple[Structure, ...]] = {
         plugin.name: plugin.relate(
-            alone[plugin.name], {name: structures for name, structures in alone.items() if name != plugin.name}
+            described[plugin.name], {name: group for name, group in described.items() if name != plugin.name}
         )
         for plugin in row.request.plugins
     }
@@ -167,7 +167,7 @@ def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> Pl
         landmarks = row.solution.landmarks_of(plugin.name)
         patches = plugin.planes({name: landmark.position for name, landmark in landmarks.items()})
         if patches:
-            return patches[0].around(np.concatenate([one.vertices for one in structures[plugin.name]]), ROOM_M)
+            return patches[0].around(np.concatenate([part.vertices for part in structures[plugin.name]]), ROOM_M)
     return None
 
 
@@ -245,23 +245,24 @@ def with_flat_depths(
     row: LocatedRow, constraints: Mapping[str, Constraints], others: Sequence[Constraints], path: Trajectory | None
 ) -> tuple[dict[str, Constraints], list[graph.ToldDepth]]:
     """The plugins' constraints with how deep flat parts of their structures lie, and what the pictures told of that."""
-    depths = row.measurements.depths
-    if not depths:
+    flat_parts = row.measurements.depths
+    if not flat_parts:
         return dict(constraints), []
     if path is None:
         try:
             path = graph.locate_camera(graph.merge(row.frames, *constraints.values(), *others)).path
         except SolveError:  # the solve will tell
             return dict(constraints), []
-    told = list(graph.told_depths(depths, constraints, path))
-    return graph.with_depths(constraints, told), told
+    depths = list(graph.told_depths(flat_parts, constraints, path))
+    return graph.with_depths(constraints, depths), depths
 
 
-def note_of(told: graph.ToldDepth, row: str) -> str:
+def note_of(depth: graph.ToldDepth, row: str) -> str:
     """What to tell the user where what shows on flat parts does not fit what is known of them."""
-    at, sigma = told.relation.value, told.relation.sigma
+    at, sigma = depth.relation.value, depth.relation.sigma
+    place = f"{depth.relation.axis} = {100 * at:.1f} +- {100 * sigma:.1f} cm"
     return (
-        f"row {row}: what shows at {told.landmark} and the like would lie at {told.relation.axis} = {100 * at:.1f} +- {100 * sigma:.1f} cm: "
+        f"row {row}: what shows at {depth.landmark} and the like would lie at {place}: "
         "other things hang there, so it does not tell how deep they lie"
     )
 
@@ -274,8 +275,8 @@ def motion_constraints(
     if row.request.path is not None or not row.measurements.flows:
         return (), {}
     problem = graph.merge(row.frames, *constraints)
-    known = path or graph.locate_camera(problem, sigmas=True).path
-    motion, counts = graph.motion_constraints(row.measurements.flows, known, problem.used)
+    path = path or graph.locate_camera(problem, sigmas=True).path
+    motion, counts = graph.motion_constraints(row.measurements.flows, path, problem.used)
     return (motion,), counts
 
 

@@ -10,9 +10,7 @@ import pytest
 
 from savmap.errors import ModelError, SavmapError
 from savmap.jobs import check as checking
-from savmap.jobs import resource_estimate
-from savmap.jobs.check import CheckError, check
-from savmap.jobs.resource_estimate import FRAMES, ResourceEstimate, duration
+from savmap.jobs.check import FRAMES, CheckError, ResourceEstimate, check, duration, resource_estimate
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.pipeline.preview import picture_name
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
@@ -291,11 +289,11 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
     found: list[ResourceEstimate] = []
 
     def kept(job: Any, footage: Any) -> ResourceEstimate:
-        found.append(resource_estimate.resource_estimate(job, footage))
+        found.append(resource_estimate(job, footage))
         return found[-1]
 
     (tmp_path / "a.mp4").symlink_to(video)
-    monkeypatch.setattr(resource_estimate, "measure", measured)
+    monkeypatch.setattr(checking, "measure", measured)
     monkeypatch.setattr(checking, "resource_estimate", kept)
     again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5}, {video: a.mp4}]}\n"
     checked(tmp_path, again)
