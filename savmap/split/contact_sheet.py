@@ -93,7 +93,8 @@ def _timeline(passes: Sequence[DetectedPass], stamps_s: Floats, headings_deg: Fl
     for number, detected in enumerate(passes, start=1):
         color = "#2f9e44" if detected.confidence >= 0.5 else "#e8590c"
         axes.axvspan(detected.start_s / 60, detected.end_s / 60, color=color, alpha=0.25, linewidth=0)
-        axes.text((detected.start_s + detected.end_s) / 120, 1.01, str(number), transform=axes.get_xaxis_transform(), ha="center", fontsize=8)  # fmt: skip
+        middle, across = (detected.start_s + detected.end_s) / 120, axes.get_xaxis_transform()
+        axes.text(middle, 1.01, str(number), transform=across, ha="center", fontsize=8)
     axes.plot(stamps_s / 60, headings_deg, color="#12355b", linewidth=1.2)
     axes.set_xlabel("minutes")
     axes.set_ylabel("direction of travel, deg")

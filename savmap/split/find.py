@@ -1,22 +1,45 @@
 """From a recording to its passes, a site file with a row for each side of each pass, and a contact sheet."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from savmap.errors import StructureError, VideoError
 from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps, write_picture
-from savmap.split.cuts import CutWatch, cuts
 from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.split.passes import find_passes
 from savmap.split.records import DetectedPass, SplitResult, SplitSettings
 from savmap.split.site_rows import add_to_site, check_new, new_site
 from savmap.types.progress import Monitor, SilentMonitor
-from savmap.video.clip import DecodeReport, VideoInfo
-from savmap.video.footage.corridor import Motion, motion_of
+from savmap.video.clip import DecodeReport, Image, VideoInfo
+from savmap.video.footage.corridor import FramePair, Motion, motion_of, strip_flow
+from savmap.video.footage.watch import WIDTH, exposed_as, likeness
 from savmap.video.reader import probe
 
 DEFAULTS = SplitSettings()
+Span = tuple[float, float]
+
+
+class CutWatch:
+    """Notes where a pair of a recording is not like the one before: where the picture changes all at once, what was
+    straight before need not be the same drive after."""
+
+    def __init__(self, settings: SplitSettings) -> None:
+        self.settings = settings
+        self.suspects: list[Span] = []
+        self._last: FramePair | None = None
+
+    def over(self, pairs: Iterable[FramePair]) -> Iterator[FramePair]:
+        """The pairs themselves."""
+        for pair in pairs:
+            if self._last is not None and alike(self._last.second, pair.first) < self.settings.suspect:
+                self.suspects.append((self._last.stamp_s + self._last.gap_s, pair.stamp_s))
+            self._last = pair
+            yield pair
 
 
 def split(
@@ -72,8 +95,8 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
     result = find_passes(_in_order(motions), settings, cuts_s)
     if not result.passes:
         raise StructureError(
-            f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more with "
-            "structure close beside it; is it a drive through aisles, in equirectangular video?"
+            f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more "
+            "with structure close beside it; is it a drive through aisles, in equirectangular video?"
         )
     frames = round(info.duration_s * info.rate_fps)
     return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, frames=frames)
@@ -108,3 +131,28 @@ def _closer_stamps(passes: tuple[DetectedPass, ...], motions: list[Motion], sett
 def _in_order(motions: list[Motion]) -> list[Motion]:
     """Sorted by time, each time once."""
     return [motion for _, motion in sorted({motion.stamp_s: motion for motion in motions}.items())]
+
+
+def alike(first: Image, second: Image) -> float:
+    """How alike two grey panoramas are, 0 to 1, once the camera's motion is allowed for."""
+    a, b = (
+        cv2.resize(image, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA).astype(np.uint8)
+        for image in (first, second)
+    )
+    return likeness(strip_flow(FramePair(0.0, 1.0, a, exposed_as(b, a))))
+
+
+def cuts(info: VideoInfo, suspects: Sequence[Span], settings: SplitSettings) -> list[float]:
+    """The times, s, of the cuts within spans in which one is suspected, from more pictures there."""
+    times = []
+    for start, end in suspects:
+        parts = max(1, round((end - start) / settings.closer_s))
+        stamps = [start + (end - start) * part / parts for part in range(parts + 1)]
+        greys = [
+            cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.uint8) for picture in pictures_at(info, stamps, WIDTH)
+        ]
+        steps = [alike(first, second) for first, second in pairwise(greys)]
+        worst = int(np.argmin(steps))
+        if steps[worst] < settings.cut:
+            times.append((stamps[worst] + stamps[worst + 1]) / 2)
+    return times

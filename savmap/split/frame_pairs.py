@@ -57,8 +57,8 @@ def sample_stamps(keys: Sequence[float], duration_s: float, every_s: float) -> l
 def pictures_at(info: VideoInfo, stamps_s: Sequence[float], width: int) -> list[Image]:
     """RGB pictures (width / 2, width, 3) at these times (ascending), or the next ones; black where there is none."""
     shrink, black = _Shrink(width, "rgb24"), np.zeros((width // 2, width, 3), np.uint8)
-    found = (next(frames, None) for frames in frames_from(info, stamps_s, margin_s=0))
-    return [black if timed is None else shrink(timed[1]) for timed in found]
+    first = (next(frames, None) for frames in frames_from(info, stamps_s, margin_s=0))
+    return [black if timed is None else shrink(timed[1]) for timed in first]
 
 
 class _Shrink:

@@ -64,23 +64,23 @@ def _level(near: Nearness, settings: SplitSettings) -> Floats:
     tops = near.tops[:, counted].max(axis=1)
     least = settings.open_share * np.percentile(tops[moving], 80)
     shares = near.rates[:, counted].max(axis=1) / np.maximum(tops, least)
-    known = np.flatnonzero(moving)
-    before = known[(np.searchsorted(known, np.arange(len(shares)), side="right") - 1).clip(0)]
+    measured = np.flatnonzero(moving)
+    before = measured[(np.searchsorted(measured, np.arange(len(shares)), side="right") - 1).clip(0)]
     level: Floats = np.clip(shares, 0, 1)[before]
     return level
 
 
 def _texture(near: Nearness, usual: Floats) -> Floats:
     """The texture (2,) of each side where something there passes at half of its `usual` rate (2,) or more."""
-    beside = (near.rates >= usual / 2) & ~near.still[:, None]
+    close = (near.rates >= usual / 2) & ~near.still[:, None]
     return np.array(
-        [float(np.median(near.texture[beside[:, hand], hand])) if beside[:, hand].any() else 0.0 for hand in (0, 1)]
+        [float(np.median(near.texture[close[:, hand], hand])) if close[:, hand].any() else 0.0 for hand in (0, 1)]
     )
 
 
 def _structured(rates: Floats, texture: Floats, settings: SplitSettings) -> Bools:
     """Which sides (2,) have structure, by the rates and texture abeam."""
-    near = rates >= settings.aside * rates.max()
+    near = rates >= settings.side_rate * rates.max()
     rich: Bools = near & (texture >= settings.texture * texture[near].max())
     return rich
 

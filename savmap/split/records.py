@@ -14,22 +14,17 @@ class SplitSettings:
     """All numbers of `savmap split`.
 
     - Sampling: a pair of frames every `every_s` seconds, and every `closer_s` where passes begin and end; the two are
-    at least
-      `apart_s` apart, and are shrunk to `width` pixels.
+      at least `apart_s` apart, and are shrunk to `width` pixels.
     - Straights: the rig turns slower than `turn_deg_s`; a straight goes on while its direction of travel stays within
-    `bend_deg`.
-    - Cuts: two pictures in a row that are alike by less than `suspect`, 0 to 1, once motion is allowed for, are looked
-    at again every
-      `closer_s`; where two of these are alike by less than `cut`, the recording was cut.
+      `bend_deg`.
+    - Cuts: two pictures in a row that are alike by less than `suspect`, 0 to 1, once motion is allowed for, are compared
+      again every `closer_s`; where two of these are alike by less than `cut`, the recording was cut.
     - Nearness: what is abeam passes at `near` or more of the rate of what passes fastest around; gaps of up to `gap_s`
-    do not end a
-      pass.
-    - Structure: a side passes at `aside` or more of the rate of the other side, and its texture is `texture` or more of
-    the richer
-      side's.
+      do not end a pass.
+    - Structure: a side passes at `side_rate` or more of the rate of the other side, and its texture is `texture` or
+      more of the richer side's.
     - Passes: `least_s` long or more, without stops, along the recording's main direction or against it within
-    `axis_deg`, and as near
-      as `open_share` of the usual distance or nearer.
+      `axis_deg`, and as near as `open_share` of the usual distance or nearer.
     """
 
     every_s: float = 1.0
@@ -42,7 +37,7 @@ class SplitSettings:
     cut: float = 0.3
     near: float = 0.42
     gap_s: float = 8.0
-    aside: float = 0.25
+    side_rate: float = 0.25
     texture: float = 0.4
     least_s: float = 4.0
     axis_deg: float = 40.0

@@ -21,7 +21,8 @@ _HEAD = """\
 # - strike out rows that are no rows, and name the others as you like;
 # - times are seconds in the video: check them where the confidence is below 0.5;
 # - a face seen in several passes is one row: put its passes under one name;
-# - add what is known (references, plugins, survey), see docs/site-file.md, then run `savmap check` and `savmap map` on this file.
+# - add what is known (references, plugins, survey), see docs/site-file.md, then run `savmap check` and `savmap map` on
+#   this file.
 format: savmap-site
 version: 1
 """
@@ -56,7 +57,7 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
             f"{path}:{rows.start_mark.line + 1}: rows within braces cannot be added to; write them line by line"
         )
     names = [str(key.value) for key, _ in rows.value]
-    taken = [int(found[1]) for name in names if (found := re.match(rf"{_STEM}-(\d+)-", name))]
+    taken = [int(match[1]) for name in names if (match := re.match(rf"{_STEM}-(\d+)-", name))]
     indent = " " * rows.value[0][0].start_mark.column
     at = _past_comments(text, _after(text, rows.value[-1][1]), indent)
     before = text[:at] if text[:at].endswith("\n") else text[:at] + "\n"
@@ -78,15 +79,16 @@ def _after(text: str, node: Node) -> int:
 def _past_comments(text: str, at: int, indent: str) -> int:
     """The index after the comments from `at` on that belong to the last row: they are indented further than its
     name."""
-    found = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
-    return found.end() if found else at
+    match = re.compile(rf"(?:{indent} +#[^\n]*(?:\n|$))*").match(text, at)
+    return match.end() if match else at
 
 
 def _rows(passes: Sequence[DetectedPass], video: str, first: int, indent: str) -> str:
     lines = []
     for number, detected in enumerate(passes, start=first):
         span = f"{clock(detected.start_s)} to {clock(detected.end_s)}"
-        lines.append(f"# pass {number}: {span}, heading {detected.heading_deg:+.0f} degrees against the first pass, confidence {detected.confidence:.2f}")  # fmt: skip
+        heading = f"heading {detected.heading_deg:+.0f} degrees against the first pass"
+        lines.append(f"# pass {number}: {span}, {heading}, confidence {detected.confidence:.2f}")
         for side in detected.sides:
             lines += [
                 f"{_STEM}-{number}-{side}:",

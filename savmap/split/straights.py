@@ -61,16 +61,16 @@ def straights(
 def _uncut(motions: Sequence[Motion], rig: Floats, settings: SplitSettings, uncut: slice) -> list[Straight]:
     """The straights of a part of a recording without a cut."""
     calm = np.array([abs(motion.turn) < settings.turn_deg_s for motion in motions[uncut]])
-    found: list[Straight] = []
+    straight_parts: list[Straight] = []
     for first, last in ((first + uncut.start, last + uncut.start) for first, last in runs(calm)):
         for part in _one_way(motions, first, last):
             straight = _straight(motions, rig, *part)
             if straight is None:
                 continue
-            if found and _same(found[-1], straight, rig, settings.bend_deg):
-                straight = _straight(motions, rig, found.pop().first, straight.last) or straight
-            found.append(straight)
-    return _extended(found, rig, settings.bend_deg, uncut)
+            if straight_parts and _same(straight_parts[-1], straight, rig, settings.bend_deg):
+                straight = _straight(motions, rig, straight_parts.pop().first, straight.last) or straight
+            straight_parts.append(straight)
+    return _extended(straight_parts, rig, settings.bend_deg, uncut)
 
 
 def runs(flags: Bools) -> list[tuple[int, int]]:
@@ -101,13 +101,13 @@ def _has_way(motion: Motion) -> bool:
 
 def _straight(motions: Sequence[Motion], rig: Floats, first: int, last: int) -> Straight | None:
     """The straight of these samples; None where the way is not known in any."""
-    known = [index for index in range(first, last + 1) if _has_way(motions[index])]
-    if not known:
+    moving = [index for index in range(first, last + 1) if _has_way(motions[index])]
+    if not moving:
         return None
-    weights = np.array([sum(motions[index].sides) for index in known])
-    ways = np.radians([motions[index].way for index in known])
+    weights = np.array([sum(motions[index].sides) for index in moving])
+    ways = np.radians([motions[index].way for index in moving])
     way = float(np.degrees(np.angle((weights * np.exp(1j * ways)).sum())))
-    return Straight(first, last, way, float(np.median(rig[known])) + way)
+    return Straight(first, last, way, float(np.median(rig[moving])) + way)
 
 
 def _same(first: Straight, second: Straight, rig: Floats, bend_deg: float) -> bool:
@@ -117,12 +117,12 @@ def _same(first: Straight, second: Straight, rig: Floats, bend_deg: float) -> bo
     return not back and abs(second.travel - first.travel) < bend_deg and bool((np.abs(between) < bend_deg).all())
 
 
-def _extended(found: Sequence[Straight], rig: Floats, bend_deg: float, part: slice) -> list[Straight]:
+def _extended(straight_parts: Sequence[Straight], rig: Floats, bend_deg: float, part: slice) -> list[Straight]:
     """The straights, each extended into the turns at its ends while the direction of travel is nearly its own."""
     wider = []
-    for number, straight in enumerate(found):
-        low = found[number - 1].last + 1 if number else part.start
-        high = found[number + 1].first - 1 if number + 1 < len(found) else part.stop - 1
+    for number, straight in enumerate(straight_parts):
+        low = straight_parts[number - 1].last + 1 if number else part.start
+        high = straight_parts[number + 1].first - 1 if number + 1 < len(straight_parts) else part.stop - 1
         alike = np.abs(rig + straight.way - straight.travel) < bend_deg
         first, last = straight.first, straight.last
         while first > low and alike[first - 1]:
@@ -153,19 +153,19 @@ def nearness(motions: Sequence[Motion], rig: Floats, straight: Straight) -> Near
     return Nearness(rates, tops, texture, still)
 
 
-def _sample(motion: Motion, way: float, aside: float) -> tuple[Floats, Floats, Floats, bool]:
-    """Rates abeam (2,), the fastest (2,), texture (2,), and whether the camera stands. `aside`: how far to the right of
+def _sample(motion: Motion, way: float, off_deg: float) -> tuple[Floats, Floats, Floats, bool]:
+    """Rates abeam (2,), the fastest (2,), texture (2,), and whether the camera stands. `off_deg`: how far to the right of
     the way the straight's direction is, degrees."""
     turn, left, right = refitted(motion.rates, way)
     from_way = np.radians(wrapped(bearings() - way))
-    from_line = wrapped(bearings() - way - aside)
+    from_line = wrapped(bearings() - way - off_deg)
     parallax = (motion.rates + turn) * np.sign(np.sin(from_way))
     sines = np.abs(np.sin(from_way)) * np.abs(np.sin(np.radians(from_line)))
     scaled = np.where(sines > _LEAST_SINE, parallax / np.maximum(sines, _LEAST_SINE), 0.0)
     smooth = median_filter(scaled, size=5, mode="wrap")
-    beside = [np.abs(from_line - angle) < _ABEAM_DEG for angle in (-90.0, 90.0)]
-    rates = np.array([float(np.percentile(scaled[hand], _SHARE_NEAR)) for hand in beside])
+    abeam = [np.abs(from_line - angle) < _ABEAM_DEG for angle in (-90.0, 90.0)]
+    rates = np.array([float(np.percentile(scaled[hand], _SHARE_NEAR)) for hand in abeam])
     around = [np.abs(from_line - angle) < 90 - _AROUND_DEG for angle in (-90.0, 90.0)]
     tops = np.array([float(smooth[hand].max()) for hand in around])
-    texture = np.array([float(motion.texture[hand].mean()) for hand in beside])
+    texture = np.array([float(motion.texture[hand].mean()) for hand in abeam])
     return rates, tops, texture, max(left, right) < _STILL
