@@ -4,11 +4,11 @@ that fails stops no other."""
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from savmap.errors import SavmapError
 from savmap.files.journal import Parts, counts, forget
@@ -27,6 +27,7 @@ from savmap.types.progress import Monitor
 
 log = logging.getLogger("savmap")
 STRIPS = "strips"
+Record = TypeVar("Record")
 Group = tuple[str, ...]
 Key = tuple[str, Group]
 
@@ -141,12 +142,14 @@ class _Progress:
         if self._use_kept(group):
             return
         for name in group:
-            content = self.cache.load(name, MEASURED, self.keys[name])
-            if content is not None and (not self.wants_pictures or self._strips_of(name) is not None):
-                self.measured[name] = StoredRecord(RowMeasurements, content=content)
+            measured = self._kept(name, MEASURED, RowMeasurements, self.keys[name])
+            if measured is not None and (not self.wants_pictures or self._strips_of(name) is not None):
+                self.measured[name] = measured
                 self.clock.skip(name, MEASURED)
-            else:
-                self._measure(name)
+                continue
+            frames = self._frames(name) if self.executor.shown is not None else None
+            task = partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames)
+            self.executor.submit((MEASURED, (name,)), task, self.job, name)
         self._solve_if_measured(group)
 
     def rows_done(self, results: Iterable[tuple[Key, Any]]) -> Iterator[None]:
@@ -162,7 +165,7 @@ class _Progress:
     def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
         """Keep what a task gave, and go on from there."""
         stage, names = key
-        done = result if isinstance(result, tasks.TaskResult) else self._crashed(key, result)
+        done = result if isinstance(result, tasks.TaskResult) else _crashed(key, result)
         for line in done.notes:
             self.monitor.note(line)
         trace.log_lines(done.logged)
@@ -171,28 +174,20 @@ class _Progress:
             self.plugins_failed.setdefault(name, {}).update(done.plugins_failed.get(name, {}))
             self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
             self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
-            if stage == PICTURED:
-                self._take_picture(name, record)
-            elif isinstance(record, tasks.Failure):
-                self._fail(name, record)
+            if isinstance(record, tasks.Failure):
+                self._fail(name, stage, record)
             elif stage == MEASURED:
-                self._save(name, MEASURED, self.keys[name], record)
-                self.measured[name] = record
-                if name in done.strips:
-                    self._keep_strips(name, done.strips[name])
-                frames = self._frames(name)
-                if frames is not None and not self.plugins_failed[name]:
-                    forget(frames)
-            else:
+                self._take_measured(name, record, done.strips.get(name))
+            elif stage == SOLVED:
                 self._save(name, SOLVED, self._solution_key(names), record)
                 self.solved[name] = record
-                self._picture(name)
-        group = next(group for group in self.groups if names[0] in group)
-        if stage == MEASURED:
-            self._solve_if_measured(group)
-        elif stage == SOLVED:
-            for name in names:
                 self.measured.pop(name, None)
+                self._picture(name)
+            else:
+                self._save(name, PICTURED, self._picture_key(name, self.solved[name]), record)
+                self._show(name, record)
+        if stage == MEASURED:
+            self._solve_if_measured(next(group for group in self.groups if names[0] in group))
 
     def row_run(self, name: str, row: RowMap | None) -> RowRun:
         """What was done with a row, for run.json."""
@@ -200,104 +195,13 @@ class _Progress:
         if row is None:
             return RowRun(status="failed", error=str(self.failed[name]), seconds=seconds)
         return RowRun(
-            status="kept" if self.is_kept(name) else "mapped",
+            status="mapped" if {MEASURED, SOLVED}.intersection(seconds) else "kept",
             seconds=seconds,
             used=len(row.frames),
             skipped=row.skipped,
             peak_mb=self.peak_mb.get(name, 0.0),
             plugins_failed=self.plugins_failed.get(name, {}),
         )
-
-    def is_kept(self, name: str) -> bool:
-        """Whether an earlier run mapped a row."""
-        return not {MEASURED, SOLVED}.intersection(self.seconds.get(name, {}))
-
-    def _save(self, name: str, stage: str, key: str, record: StoredRecord[Any]) -> None:
-        """Keep what is whole: where a plugin failed, it is tried again next time."""
-        if not self.plugins_failed[name]:
-            self.cache.save(name, stage, key, record.content)
-
-    def _measure(self, name: str) -> None:
-        frames = self._frames(name) if self.executor.shown is not None else None
-        self._submit(
-            (MEASURED, (name,)), partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames), name
-        )
-
-    def _solve(self, names: Group) -> None:
-        self._submit((SOLVED, names), tasks.solve_task, {name: self.measured[name] for name in names})
-
-    def _solve_if_measured(self, group: Group) -> None:
-        """Once all rows of a group were measured, or failed: solve those that were measured."""
-        if not all(name in self.measured or name in self.failed for name in group):
-            return
-        names = tuple(name for name in group if name in self.measured)
-        if names and not self._use_kept(names):
-            self._solve(names)
-
-    def _use_kept(self, names: Group) -> bool:
-        contents = {name: self.cache.load(name, SOLVED, self._solution_key(names)) for name in names}
-        maps = {
-            name: StoredRecord(RowMap, content=content) for name, content in contents.items() if content is not None
-        }
-        shown = not self.wants_pictures or all(self._can_be_shown(name, row) for name, row in maps.items())
-        if len(maps) < len(names) or not shown:
-            return False
-        self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
-        self.solved |= maps
-        for name in names:
-            self.clock.skip(name, MEASURED, SOLVED)
-            self._picture(name)
-        return True
-
-    def _can_be_shown(self, name: str, row: StoredRecord[RowMap]) -> bool:
-        """Whether there is a row's orthophoto, or what it is made of."""
-        kept = self.cache.load(name, PICTURED, picture_key(self._strips_key(name), row.content))
-        return kept is not None or self._strips_of(name) is not None
-
-    def _picture(self, name: str) -> None:
-        """Use a row's orthophoto from an earlier run, or have it made."""
-        if not self.wants_pictures:
-            return
-        kept = self.cache.load(name, PICTURED, picture_key(self._strips_key(name), self.solved[name].content))
-        strips = self._strips_of(name) if kept is None else None
-        if strips is None:
-            self.clock.skip(name, PICTURED)
-        if kept is not None:
-            self._show(name, StoredRecord(tasks.RowPicture, content=kept))
-        elif strips is not None:
-            self.pictured_next.add(name)
-            self._submit((PICTURED, (name,)), tasks.picture_task, {name: (self.solved[name], strips)})
-            self.strips.pop(name, None)
-
-    def _take_picture(self, name: str, record: StoredRecord[tasks.RowPicture] | tasks.Failure) -> None:
-        """Keep an orthophoto; a row without one is mapped all the same."""
-        self.pictured_next.discard(name)
-        if isinstance(record, tasks.Failure):
-            self.monitor.note(f"row {name}: no orthophoto: {record.error}")
-            if record.trace:
-                log.error("row %s: %s", name, record.trace)
-            return
-        self._save(name, PICTURED, picture_key(self._strips_key(name), self.solved[name].content), record)
-        self._show(name, record)
-
-    def _show(self, name: str, record: StoredRecord[tasks.RowPicture]) -> None:
-        self.pictures[name] = record.record
-
-    def _keep_strips(self, name: str, strips: StoredRecord[RowStrips]) -> None:
-        """Into the cache; held until they are used where a plugin failed, or where nothing is kept."""
-        self._save(name, STRIPS, self._strips_key(name), strips)
-        if self.cache.load(name, STRIPS, self._strips_key(name)) is None:
-            self.strips[name] = strips
-
-    def _strips_of(self, name: str) -> StoredRecord[RowStrips] | None:
-        kept = self.cache.load(name, STRIPS, self._strips_key(name)) if name not in self.strips else None
-        return self.strips.get(name) or (StoredRecord(RowStrips, content=kept) if kept is not None else None)
-
-    def _strips_key(self, name: str) -> str:
-        return strips_key(self.job, self.keys[name])
-
-    def _frames(self, name: str) -> Parts | None:
-        return self.cache.frames(name, self._strips_key(name))
 
     def kept(self) -> str:
         """What a second run will not do again, in words; "" where nothing is kept."""
@@ -309,31 +213,119 @@ class _Progress:
             said += [f"row {name} ({done[0]} of {frames_of(row.passes)} frames)"] if done else []
         return ", ".join(said) if self._frames(next(iter(self.keys))) is not None else ""
 
+    def _kept(self, name: str, stage: str, kind: type[Record], key: str) -> StoredRecord[Record] | None:
+        content = self.cache.load(name, stage, key)
+        return None if content is None else StoredRecord(kind, content=content)
+
+    def _save(self, name: str, stage: str, key: str, record: StoredRecord[Any]) -> None:
+        """Keep what is whole: where a plugin failed, it is tried again next time."""
+        if not self.plugins_failed[name]:
+            self.cache.save(name, stage, key, record.content)
+
+    def _take_measured(
+        self, name: str, record: StoredRecord[RowMeasurements], strips: StoredRecord[RowStrips] | None
+    ) -> None:
+        """Strips that the cache does not keep are held until they are used."""
+        self._save(name, MEASURED, self.keys[name], record)
+        self.measured[name] = record
+        if strips is not None:
+            self._save(name, STRIPS, self._strips_key(name), strips)
+            if self.cache.load(name, STRIPS, self._strips_key(name)) is None:
+                self.strips[name] = strips
+        frames = self._frames(name)
+        if frames is not None and not self.plugins_failed[name]:
+            forget(frames)
+
+    def _solve_if_measured(self, group: Group) -> None:
+        """Once all rows of a group were measured, or failed: solve those that were measured."""
+        if not all(name in self.measured or name in self.failed for name in group):
+            return
+        names = tuple(name for name in group if name in self.measured)
+        if names and not self._use_kept(names):
+            measured = {name: self.measured[name] for name in names}
+            self.executor.submit((SOLVED, names), tasks.solve_task, self.job, measured)
+
+    def _use_kept(self, names: Group) -> bool:
+        maps: dict[str, StoredRecord[RowMap]] = {}
+        for name in names:
+            row = self._kept(name, SOLVED, RowMap, self._solution_key(names))
+            if row is None or (self.wants_pictures and not self._can_be_shown(name, row)):
+                return False
+            maps[name] = row
+        self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
+        self.solved |= maps
+        for name in names:
+            self.clock.skip(name, MEASURED, SOLVED)
+            self._picture(name)
+        return True
+
+    def _can_be_shown(self, name: str, row: StoredRecord[RowMap]) -> bool:
+        """Whether a row's orthophoto is kept, or what it is made of."""
+        return self._kept_picture(name, row) is not None or self._strips_of(name) is not None
+
+    def _picture(self, name: str) -> None:
+        """Use a row's orthophoto from an earlier run, or have it made."""
+        if not self.wants_pictures:
+            return
+        row = self.solved[name]
+        kept = self._kept_picture(name, row)
+        strips = self._strips_of(name) if kept is None else None
+        if strips is not None:
+            self.pictured_next.add(name)
+            self.executor.submit((PICTURED, (name,)), tasks.picture_task, self.job, {name: (row, strips)})
+            self.strips.pop(name, None)
+            return
+        self.clock.skip(name, PICTURED)
+        if kept is not None:
+            self._show(name, kept)
+
+    def _show(self, name: str, record: StoredRecord[tasks.RowPicture]) -> None:
+        self.pictured_next.discard(name)
+        self.pictures[name] = record.record
+
+    def _kept_picture(self, name: str, row: StoredRecord[RowMap]) -> StoredRecord[tasks.RowPicture] | None:
+        return self._kept(name, PICTURED, tasks.RowPicture, self._picture_key(name, row))
+
+    def _strips_of(self, name: str) -> StoredRecord[RowStrips] | None:
+        return self.strips.get(name) or self._kept(name, STRIPS, RowStrips, self._strips_key(name))
+
+    def _frames(self, name: str) -> Parts | None:
+        return self.cache.frames(name, self._strips_key(name))
+
+    def _strips_key(self, name: str) -> str:
+        return strips_key(self.job, self.keys[name])
+
+    def _picture_key(self, name: str, row: StoredRecord[RowMap]) -> str:
+        return picture_key(self._strips_key(name), row.content)
+
     def _solution_key(self, names: Group) -> str:
         if names not in self.solution_keys:
             self.solution_keys[names] = solution_key(self.job, {name: self.keys[name] for name in names})
         return self.solution_keys[names]
 
-    def _submit(self, key: Key, task: Callable[..., tasks.TaskResult], what: object) -> None:
-        self.executor.submit(key, task, self.job, what)
-
-    def _crashed(self, key: Key, error: BaseException) -> tasks.TaskResult:
-        """The failure of rows whose process ended without a result. Any other error is raised."""
-        stage, names = key
-        if not isinstance(error, WorkerCrashedError):
-            raise error
-        what = f"its process ended before it was {stage}: out of memory, killed, crashed, or plugin_timeout_s in a hook"
-        failure = SavmapError(what)
-        return tasks.TaskResult({name: tasks.Failure(failure) for name in names})
-
-    def _fail(self, name: str, failure: tasks.Failure) -> None:
+    def _fail(self, name: str, stage: str, failure: tasks.Failure) -> None:
+        """A row without an orthophoto is mapped all the same."""
+        if failure.trace:
+            log.error("row %s: %s", name, failure.trace)
+        if stage == PICTURED:
+            self.pictured_next.discard(name)
+            self.monitor.note(f"row {name}: no orthophoto: {failure.error}")
+            return
         self.failed[name] = failure.error
+        self.measured.pop(name, None)
         self.clock.skip(name, MEASURED, SOLVED, PICTURED)
         if len(self.job.site.rows) > 1:
             self.monitor.note(f"row {name} is not mapped: {str(failure.error).removeprefix(f'row {name}: ')}")
-        if failure.trace:
-            log.error("row %s: %s", name, failure.trace)
 
 
 def _named(rows: Sequence[str]) -> str:
     return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(rows)}"
+
+
+def _crashed(key: Key, error: BaseException) -> tasks.TaskResult:
+    """The failure of rows whose process ended without a result. Any other error is raised."""
+    stage, names = key
+    if not isinstance(error, WorkerCrashedError):
+        raise error
+    what = f"its process ended before it was {stage}: out of memory, killed, crashed, or plugin_timeout_s in a hook"
+    return tasks.TaskResult({name: tasks.Failure(SavmapError(what)) for name in names})
