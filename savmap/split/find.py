@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from savmap.errors import StructureError, VideoError
-from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps, write_picture
+from savmap.files.atomic import write_bytes
+from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps
 from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.split.passes import find_passes
 from savmap.split.records import DetectedPass, SplitResult, SplitSettings
@@ -68,7 +69,7 @@ def split(
     if sheet is not None:
         stamps = [stamp for detected in result.passes for stamp in picture_stamps(detected)]
         pictures = pictures_at(probe(recording), stamps, THUMB_WIDTH)
-        write_picture(contact_sheet(result.passes, pictures, result.stamps_s, result.travel_deg), sheet)
+        write_bytes(sheet, contact_sheet(result.passes, pictures, result.stamps_s, result.travel_deg))
     return result
 
 

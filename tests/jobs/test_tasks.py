@@ -1,10 +1,13 @@
 """Work: what plugins warn of reaches the user, the log and the map."""
 
 import logging
+from pathlib import Path
 
 import numpy as np
 
 from savmap.jobs.tasks import warnings_as_notes, with_notes
+from savmap.pipeline.measure import recordings
+from savmap.site.model import Pass
 from savmap.types import FrameTable, RowMap, Trajectory
 from savmap.types.progress import NoteCollector
 
@@ -27,3 +30,23 @@ def test_warnings_of_plugins_become_notes() -> None:
 def test_a_rows_notes_stand_in_its_report() -> None:
     noted = with_notes(row(), ["row A: one", "row B: other", "row A: two"])
     assert noted.report == {"frames": 0, "note 1": "seen", "note 2": "one", "note 3": "two"}
+
+
+def test_passes_of_one_video_are_one_recording(tmp_path: Path) -> None:
+    video, folder = tmp_path / "aisle.mp4", tmp_path / "pictures"
+    folder.mkdir()
+    passes = [
+        Pass(video=video, start_s=0, end_s=60),
+        Pass(video=video, start_s=50, fps=5),
+        Pass(video=folder, fps=5),
+        Pass(video=folder, fps=10),
+    ]
+    found = recordings(passes)
+    assert list(found) == ["pass 1", "pass 2", "pass 3", "pass 4"]
+    assert found["pass 1"] == found["pass 2"] == video
+    assert len(set(found.values())) == 3
+
+
+def test_a_video_at_a_url_is_not_looked_for() -> None:
+    one = Pass.model_validate({"video": "memory://bucket/aisle.mp4"})
+    assert recordings([one, one])["pass 1"] == one.video
