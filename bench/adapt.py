@@ -19,10 +19,10 @@ from fine_tuning import LABELLED, dark_row, dark_scene
 from rows import ROWS, only_one_row
 
 import savmap
-from savmap.cli.commands.training import adapted_lines
 from savmap.files.atomic import write_text
 from savmap.lab.adapt.records import AdaptOptions
 from savmap.lab.adapt.run import adapt
+from savmap.lab.commands import adapted_lines
 from savmap.lab.sim.dataset import write
 from savmap.lab.sim.simulate import simulate
 from savmap.lab.train.data.dataset import read_dataset

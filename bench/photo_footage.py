@@ -21,6 +21,7 @@ import yaml
 from photo_faces import PhotoRow, Picture
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
+from savmap.lab.scenes import Look, Material, RowSize, SceneParts, span
 from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.render.panorama import linear_bands
 from savmap.lab.sim.render.shade import Renderer, compressed, developed, metered, renderer
@@ -29,7 +30,6 @@ from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import Scene, parse_scene
 from savmap.lab.sim.simulate import poses, references, site_of
 from savmap.types import Bools, Floats
-from savmap.types.scenes import Look, Material, RowSize, SceneParts, span
 
 LIGHTS = ("colour", "grey", "dim")
 ROW = "A"

@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from collections.abc import Mapping
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -11,8 +13,8 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 SAVMAP = ROOT / "savmap"
-TEMPLATE = SAVMAP / "plugin" / "scaffold" / "project-template"
-CORE = sorted(path for path in SAVMAP.rglob("*.py") if TEMPLATE not in path.parents)
+TEMPLATES = {"project-template", "locates-camera"}
+CORE = sorted(path for path in SAVMAP.rglob("*.py") if not TEMPLATES & set(path.parts))
 PLUGINS = sorted((ROOT / "plugins").rglob("*.py"))
 LAYERS = [
     "errors",
@@ -31,10 +33,11 @@ LAYERS = [
     "report",
     "jobs",
     "demo",
-    "lab",
     "cli",
+    "lab",
 ]
-"""Packages from the lowest to the highest: a package imports from itself and from lower ones."""
+"""Packages from the lowest to the highest: a package imports from itself and from lower ones. The laboratory is the
+highest: nothing outside imports it."""
 PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "split"}
 """Packages that plugins do not import from."""
 STRUCTURES = {"shelf", "shelves", "light", "lights", "lamp", "lamps", "sign", "signs", "rack", "racks"}
@@ -116,7 +119,7 @@ def test_core_names_no_structure() -> None:
     named = {}
     for path in CORE:
         words = words_of(path) & STRUCTURES
-        if "sim" in path.parts or path.name == "scenes.py":
+        if path.is_relative_to(SAVMAP / "lab"):
             words -= {"light", "lights", "lamp", "lamps"}  # the renderers' words for what illuminates a scene
         if "site" in path.parts:
             words -= {"rack", "racks"}  # `layout.rack_m` is a key of site files: what stands between two faces
@@ -134,6 +137,32 @@ def test_plugins_use_the_public_door() -> None:
             if private or (parts[0].startswith("savmap_") and parts[0] != package):
                 wrong.append(f"{path} imports {module}")
     assert wrong == []
+
+
+def in_lab(module: str) -> bool:
+    return re.match(r"(savmap|savmap_\w+)\.lab\b", module) is not None
+
+
+def test_plugins_for_mapping_import_nothing_of_the_laboratory() -> None:
+    """`test_imports_go_down` says the same of savmap."""
+    outside = [path for path in PLUGINS if "lab" not in path.parts]
+    assert {path: lab for path in outside if (lab := [name for name in imported(path) if in_lab(name)])} == {}
+
+
+def test_all_that_maps_is_imported_without_the_laboratory() -> None:
+    names = [name for name in MODULES if not in_lab(name) and not name.endswith("__main__")]
+    code = f"""
+import sys
+from importlib import import_module
+from savmap.plugin.manager import load_installed
+for name in {names}:
+    import_module(name)
+assert load_installed().classes
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120)
+    assert "savmap.pipeline.row" in done.stdout.split()
+    assert [module for module in done.stdout.split() if in_lab(module)] == []
 
 
 def test_only_graph_imports_gtsam() -> None:

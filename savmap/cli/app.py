@@ -1,50 +1,63 @@
-"""The command line: its commands in their order, and how it is run. Everything heavy is imported when it is needed."""
+"""The command line: commands that are imported when they are asked for, and how it is run."""
 
-import sys
-from collections.abc import Callable, Mapping
-from typing import Annotated
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from savmap.cli.commands import installation, mapping, plugin, results, sources, surveys
+from savmap.cli.commands import COMMANDS, help_text
 from savmap.cli.endings import plain_endings
 
-COMMANDS: Mapping[str, Callable[..., None]] = {
-    "map": mapping.map_,
-    "init": mapping.init,
-    "check": mapping.check,
-    "demo": mapping.demo,
-    "evaluate": results.evaluate,
-    "report": results.report,
-    "compare": results.compare,
-    "view": results.view,
-    "export": results.export,
-    "align": results.align,
-    "import": surveys.import_,
-    "find": results.find,
-    "measure": results.measure,
-    "plugins": installation.plugins,
-    "split": sources.split,
-    "schema": installation.schema,
-    "simulate": sources.simulate,
-    "train": sources.train,
-    "adapt": sources.adapt,
-    "label": sources.label,
-}
-GROUPS = {"plugin": plugin.app}
 
-app = typer.Typer(
-    name="savmap",
-    help="Metric, semantic wireframe maps of structured places from panoramic video.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-for name, command in COMMANDS.items():
-    app.command(name)(command)
-for name, group in GROUPS.items():
-    app.add_typer(group, name=name)
+class _Commands(Mapping[str, Any]):
+    """Commands by name, each imported when it is asked for. A name that is none of savmap's is looked for among those
+    that installed plugins add."""
+
+    def __getitem__(self, name: str) -> Any:
+        return _command(name) if name in COMMANDS else _plugins_commands()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+class _Group(TyperGroup):
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = _Commands()  # type: ignore[assignment]  # no command is added
+
+    def get_help(self, ctx: Any) -> str:
+        return help_text()
+
+
+def _new_app(**settings: Any) -> typer.Typer:
+    return typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None, **settings)
+
+
+def _command(name: str) -> Any:
+    module, _, attribute = COMMANDS[name].target.partition(":")
+    target = getattr(import_module(module), attribute)
+    if not isinstance(target, typer.Typer):
+        alone = _new_app()
+        alone.command(name)(target)
+        target = alone
+    return typer.main.get_command(target)
+
+
+def _plugins_commands() -> Mapping[str, Any]:
+    from savmap.plugin.manager import register_commands
+
+    added = _new_app()
+    register_commands(added)
+    commands: Mapping[str, Any] = typer.main.get_group(added).commands
+    return commands
+
+
+app = _new_app(name="savmap", cls=_Group, no_args_is_help=True)
 
 
 def _version(wanted: bool) -> None:
@@ -64,17 +77,7 @@ def options(
     """Metric, semantic wireframe maps of structured places from panoramic video."""
 
 
-def _plugin_commands() -> None:
-    """Let installed third-party plugins add commands, when the first argument is none of ours."""
-    wanted = next((word for word in sys.argv[1:] if not word.startswith("-")), None)
-    if wanted is not None and wanted not in COMMANDS.keys() | GROUPS.keys():
-        from savmap.plugin.manager import register_commands
-
-        register_commands(app)
-
-
 def main() -> None:
     """Run the command line. Expected errors end it with one line and their exit code (docs/exit-codes.md)."""
     with plain_endings():
-        _plugin_commands()
         app()

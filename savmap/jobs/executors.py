@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeVar
 
 from savmap.errors import SavmapError
 from savmap.jobs.cache_keys import code
-from savmap.plugin.manager import limit_hooks
+from savmap.plugin.calls import limit_hooks
 from savmap.site.job import Job, plugins_for
 from savmap.types.progress import Monitor, SilentMonitor
 

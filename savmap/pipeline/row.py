@@ -151,8 +151,10 @@ def describe(row: SolvedRow) -> DescribedRow:
         for plugin in row.request.plugins
     }
     related: dict[str, tuple[Structure, ...]] = {
-        plugin.name: plugin.relate(
-            described[plugin.name], {name: group for name, group in described.items() if name != plugin.name}
+        plugin.name: tuple(
+            plugin.relate(
+                described[plugin.name], {name: group for name, group in described.items() if name != plugin.name}
+            )
         )
         for plugin in row.request.plugins
     }

@@ -129,22 +129,22 @@ def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -
             require(same and bool(across), f"{where}: `{part.name}` is not parallel to the others, across {flat.axis}")
 
 
-def check_constraints(constraints: "Constraints", plugin: str, start: Trajectory) -> None:
+def check_constraints(constraints: "Constraints", name: str, start: Trajectory) -> None:
     """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that
     GTSAM can use. Raises PluginFailedError for a factor or relation that it cannot."""
     from savmap.graph import require_valid_constraints  # keeps `savmap --help` fast
 
-    require(constraints.plugin == plugin, f"constraints of `{constraints.plugin}`")
-    for name, position in constraints.initial.items():
+    require(constraints.plugin == name, f"constraints of `{constraints.plugin}`")
+    for landmark, position in constraints.initial.items():
         fit = np.shape(position) == (3,) and _finite(position)
-        require(fit, f"initial position of `{name}`: it is not three finite numbers")
+        require(fit, f"initial position of `{landmark}`: it is not three finite numbers")
     require(_finite(constraints.measurements.pixels), "a measured pixel is not finite")
     _require_covariances(constraints.measurements.covariances, "measured pixels")
     for relation in (*constraints.relations, *(one for some in constraints.alternatives.values() for one in some)):
         where = f"relation `{relation.name}`" if relation.name else f"a relation along {relation.axis or 'no axis'}"
         require(_finite((relation.value, relation.sigma)), f"{where}: its value or sigma is not finite")
         require(relation.sigma > 0, f"{where}: its sigma is {relation.sigma}, not positive")
-    require_valid_constraints(plugin, constraints, start)
+    require_valid_constraints(name, constraints, start)
 
 
 def check_structures(structures: Sequence[Structure]) -> None:
@@ -164,12 +164,12 @@ def check_structures(structures: Sequence[Structure]) -> None:
             _require_attribute(name, value, where)
 
 
-def check_related(structures: Sequence[Structure], given: Sequence[Structure]) -> None:
+def check_related(related: Sequence[Structure], structures: Sequence[Structure]) -> None:
     """The structures that were given, in the same order, still fit for map.json."""
-    require(len(structures) == len(given), f"{len(structures)} structures for {len(given)}")
-    for structure, before in zip(structures, given, strict=True):
+    require(len(related) == len(structures), f"{len(related)} structures for {len(structures)}")
+    for structure, before in zip(related, structures, strict=True):
         require(structure.id == before.id, f"structure `{structure.id}` in the place of `{before.id}`")
-    check_structures(structures)
+    check_structures(related)
 
 
 def check_doubts(doubts: Sequence[Doubt], structures: Sequence[Structure]) -> None:
@@ -215,11 +215,9 @@ def check_drawings(drawings: "Sequence[Drawing]") -> None:
         require(_finite(drawing.points), f"a point of `{drawing.name or drawing.legend}` is not finite")
 
 
-def check_exporters(answers: Sequence[object]) -> None:
-    """Functions by name, from the plugin and from the default."""
-    for formats in answers:
-        fit = isinstance(formats, Mapping) and all(callable(write) for write in formats.values())
-        require(fit, "no functions by name")
+def check_exporters(formats: Mapping[str, object]) -> None:
+    """Functions by name."""
+    require(all(callable(write) for write in formats.values()), "no functions by name")
 
 
 def _finite(numbers: object) -> bool:

@@ -65,7 +65,9 @@ def _views_are_chosen(plugin: LoadedPlugin) -> Iterator[str]:
 
 def _nothing_gives_no_features(plugin: LoadedPlugin) -> Iterator[str]:
     """A view without detections gives no features."""
-    yield from _untrue(lambda: plugin.extract_features(_view(SPEC, 7), []) == [], "extract_features([]) must give []")
+    yield from _untrue(
+        lambda: plugin.extract_features(_view(SPEC, 7), [], None) == [], "extract_features([]) must give []"
+    )
 
 
 def _features_fit(plugin: LoadedPlugin) -> Iterator[str]:
@@ -109,7 +111,7 @@ def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
         score = plugin.evaluate(related, {})
         plugin.draw(related, None, score.deviations)
         plugin.openings(related)
-        plugin.places(related)
+        plugin.places(related, None)
         plugin.survey_entry(related)
         plugin.cross_row_landmarks(related)
     except PluginFailedError as error:
@@ -208,7 +210,7 @@ def _predictor(plugin: LoadedPlugin) -> Callable[[View], list[Detection]]:
 
 
 def _features(plugin: LoadedPlugin, spec: ViewSpec, frame: int) -> list[Feature]:
-    return plugin.extract_features(_view(spec, frame), _place_detections(plugin.classes, spec, frame))
+    return plugin.extract_features(_view(spec, frame), _place_detections(plugin.classes, spec, frame), None)
 
 
 def _structures(plugin: LoadedPlugin, facts: RowFacts, tracks: Sequence[Track]) -> list[Structure]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from savmap.plugin.hookspecs import Exporter, hookimpl
+from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
@@ -102,11 +102,3 @@ def draw(
 ) -> "tuple[Drawing, ...]":
     """Nothing is drawn."""
     return ()
-
-
-@hookimpl(trylast=True)
-def exporters() -> Mapping[str, Exporter]:
-    """The formats that come with savmap."""
-    from savmap.maps.exports import core_exporters
-
-    return core_exporters()

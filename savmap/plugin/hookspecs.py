@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 import pluggy
 
 from savmap.types import (
@@ -32,7 +31,6 @@ from savmap.types import (
     View,
     ViewPlan,
 )
-from savmap.types.scenes import RandomSection, SceneParts, Site
 
 if TYPE_CHECKING:
     import typer
@@ -156,7 +154,7 @@ def cross_row_landmarks(structures: Sequence[Structure]) -> list[CrossRowLandmar
 
 
 @hookspec(firstresult=True)
-def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score | None":
+def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> "Score":
     """Structures against a surveyor's sheet of the row."""
 
 
@@ -180,26 +178,6 @@ def draw(
 
 
 @hookspec(firstresult=True)
-def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts | None:
-    """What a simulator should build for this plugin's section of a scene file.
-
-    `site` is the building, the rows' frames, and what the plugins before this one in the file have built: the rows'
-    sizes and their labelled fronts.
-    """
-
-
-@hookspec(firstresult=True)
-def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
-    """What a random scene should hold of this plugin's structure. Default: None, nothing.
-
-    A plugin that sets `furnishes = True` is asked for every random place: first of an aisle without rows (`site.frames`
-    is empty), where those that make the rows' faces give them; those that gave None then are asked again, with rows,
-    hall and goods known. Any other plugin is asked for by name, of the furnished place. `drawn` is what the plugin gave
-    for this place before: row A of it is wanted again, short enough to be driven past (None: it is short enough).
-    """
-
-
-@hookspec
 def exporters() -> Mapping[str, Exporter]:
     """Further map formats for `savmap export`: name to a function that writes a map to a path. Every plugin is asked.
 

@@ -2,15 +2,16 @@
 nothing."""
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
-from savmap.plugin.manager import Answer, LoadedPlugin, notices
-from savmap.types import Structure, ViewPlan
+from savmap.plugin.calls import Hook
+from savmap.plugin.manager import LoadedPlugin, notices
+from savmap.types import ViewPlan
 
 log = logging.getLogger("savmap")
 _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", default=None)
@@ -27,26 +28,19 @@ class IsolatedPlugin(LoadedPlugin):
     def failure(self) -> PluginFailedError | None:
         return self.failures[0] if self.failures else None
 
-    def _ask(self, hook: str, expected: type[Answer], check: Callable[[Answer], object], **arguments: Any) -> Answer:
+    def ask(self, hook: Hook[Any, Any], arguments: Mapping[str, Any]) -> Any:
         """What the plugin answers; nothing, where it failed now or before. What it refuses in its own words is still
         raised, but not where another hook of its own failed meanwhile."""
         if not self.failures:
             try:
-                return super()._ask(hook, expected, check, **arguments)
+                return super().ask(hook, arguments)
             except PluginFailedError as error:
                 if not self.failures:
                     self._failed(error)
             except SavmapError:
                 if not self.failures:
                     raise
-        return nothing(expected, self.name)
-
-    def relate(
-        self, structures: Sequence[Structure], others: Mapping[str, Sequence[Structure]]
-    ) -> tuple[Structure, ...]:
-        """The structures as they were described, where the plugin cannot say how they stand to others."""
-        related = super().relate(structures, others)
-        return related if self.failure is None else tuple(structures)
+        return list(arguments["structures"]) if hook.name == "relate" else nothing(hook.expected, self.name)
 
     def _failed(self, error: PluginFailedError) -> None:
         self.failures.append(error)
@@ -94,14 +88,10 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
     return PluginError(f"{'; '.join(failures.values())}; without it the row cannot be mapped: {error}")
 
 
-def nothing(expected: type[Answer], plugin: str) -> Answer:
+def nothing(expected: type, plugin: str) -> Any:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, image_measurements  # keeps `savmap --help` fast
+    from savmap.graph import Constraints, image_measurements  # gtsam takes long to import
 
-    empty: Any
     if expected is Constraints:
-        empty = Constraints(plugin, {}, image_measurements([], {}, {}), (), {})
-    else:
-        empty = ViewPlan(()) if expected is ViewPlan else expected()
-    answer: Answer = empty
-    return answer
+        return Constraints(plugin, {}, image_measurements([], {}, {}), (), {})
+    return ViewPlan(()) if expected is ViewPlan else expected()

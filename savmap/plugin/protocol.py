@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -49,32 +50,21 @@ class Plugin(Protocol):
     checker accepts `plugin: type[Plugin] = Pillars` for any class that has them, whether or not it inherits from this
     one. Hooks take any of the arguments that `savmap.plugin.hookspecs` names, by name, which is why they are not typed
     here; what they return is. Hooks with a default (`detect`, `relate`, `cross_row_landmarks`, `evaluate`, `draw`,
-    `scene`, ...) may be left out.
+    ...) may be left out. What only simulation and training ask is in a class of its own (`savmap.lab.hookspecs`).
 
     A class may also declare, each optional:
 
     - `needs_path: bool`: whether the plugin cannot locate the camera. It is then asked to track only where the path is
-    known
-      (`start` is never None), and a row that has no other plugin for that ends with an error that says so.
+      known (`start` is never None), and a row that has no other plugin for that ends with an error that says so.
     - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one
-    changes, the
-      row is only solved again.
+      changes, the row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.
     - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use,
-    with "#" for each
-      number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them has is refused
-      before any work.
+      with "#" for each number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them
+      has is refused before any work.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
-    - `network_classes: tuple[str, ...]`: all classes of the network that comes with the plugin, where it gives more
-    than the plugin
-      needs: those that its training teaches.
     - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
-    place in rows where it
-      sees clearly more (`savmap.pipeline.networks`).
-    - `practice_pictures(folder: Path, count: int, seed: int) -> None`, a static method: writes a labelled data set
-    (`dataset.json`,
-      `images/`, `masks/`) of other places, which `savmap adapt` mixes in against forgetting. Without it, the
-      simulator's random scenes are taken.
+      place in rows where it sees clearly more (`savmap.pipeline.networks`).
     """
 
     @property
@@ -113,10 +103,15 @@ class Plugin(Protocol):
 def class_faults(plugin_class: Any) -> Iterator[str]:
     """What a plugin's class lacks or declares wrongly: attributes first, then hooks."""
     yield from _attribute_faults(plugin_class)
-    hooks = {name for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
     for hook in hookspecs.REQUIRED:
         if not implements(plugin_class, hook):
             yield f"it lacks the hook `{hook}`, which every plugin must have (with @hookimpl)"
+    yield from hook_faults(plugin_class, hookspecs)
+
+
+def hook_faults(plugin_class: Any, specifications: ModuleType) -> Iterator[str]:
+    """What a class marks as a hook that the specifications do not have, with the nearest."""
+    hooks = {name for name, value in vars(specifications).items() if hasattr(value, "savmap_spec")}
     for name in sorted(set(dir(plugin_class)) - hooks):
         if implements(plugin_class, name):
             near = difflib.get_close_matches(name, hooks, 1)
@@ -148,8 +143,3 @@ def _attribute_faults(plugin_class: Any) -> Iterator[str]:
         yield "every setting of `Config` needs a default"
     elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
         yield "`scale_settings` must name settings of `Config`"
-
-
-def network_classes(plugin_class: Any) -> tuple[str, ...]:
-    """The classes that a plugin's network is trained for."""
-    return tuple(getattr(plugin_class, "network_classes", plugin_class.classes))

@@ -92,7 +92,7 @@ def test_an_epoch_that_is_no_number_is_one_line(
 
 @pytest.mark.slow
 def test_all_commands_without_home_letters_and_epoch(named: Path) -> None:
-    from savmap.cli.app import COMMANDS
+    from savmap.cli.commands import COMMANDS
 
     lines = [
         ["plugins"], ["schema", "site"], ["find", "map.json", NAME], ["find", "map.json", "Ständer → 9"],

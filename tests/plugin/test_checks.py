@@ -61,7 +61,7 @@ def with_attribute(value: Any) -> list[Structure]:
 ASK: dict[str, Callable[[LoadedPlugin], Any]] = {
     "render_views": lambda plugin: plugin.render_views(None, list, None, {}, None),
     "detect": lambda plugin: plugin.detect(VIEW, None),
-    "extract_features": lambda plugin: plugin.extract_features(VIEW, []),
+    "extract_features": lambda plugin: plugin.extract_features(VIEW, [], None),
     "track": lambda plugin: plugin.track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH),
     "flat_parts": lambda plugin: plugin.flat_parts({"thing 1": np.zeros(3)}),
     "constrain": lambda plugin: plugin.constrain([TRACK], FACTS, PATH),

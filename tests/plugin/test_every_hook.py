@@ -16,8 +16,10 @@ import typer
 
 from savmap.errors import PluginError, PluginFailedError
 from savmap.graph import Constraints, image_measurements
+from savmap.lab import hookspecs as lab_hookspecs
+from savmap.lab.plugins import LabPlugin
+from savmap.lab.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
 from savmap.plugin import hookspecs, manager
-from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
     CrossRowLandmark,
     Detection,
@@ -36,13 +38,13 @@ from savmap.types import (
     Track,
     ViewPlan,
 )
-from savmap.types.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
 
 from .made_up_plugin import FACTS, PATH, SPEC, VIEW, loaded
 
 HOOKS: dict[str, Callable[..., Any]] = {
-    name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")
+    name: value for name, value in {**vars(hookspecs), **vars(lab_hookspecs)}.items() if hasattr(value, "savmap_spec")
 }
+LAB = {name for name in HOOKS if hasattr(lab_hookspecs, name)}
 DOCS = (Path(__file__).parents[2] / "docs" / "hooks.md").read_text(encoding="utf-8")
 MASK = np.ones((12, 16), np.bool_)
 DETECTION = Detection("thing", 0.9, MASK, MASK.astype(np.float32))
@@ -51,13 +53,16 @@ TRACK = Track("thing 1", "thing", {}, np.zeros(1, np.int64), ("view",), np.ones(
 THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64))
 
 
-def asked(hook: str, answer: object) -> tuple[LoadedPlugin, dict[str, Any]]:
+def asked(hook: str, answer: object) -> tuple[Any, dict[str, Any]]:
     """A plugin that answers one hook with `answer`, and what that is given, once it is asked."""
     given: dict[str, Any] = {}
     names = list(inspect.signature(HOOKS[hook]).parameters)
     body = f"def {hook}(self, {', '.join(names)}):\n    given.update({', '.join(f'{n}={n}' for n in names)})\n    return answer"
     scope: dict[str, Any] = {"given": given, "answer": answer}
     exec(body, scope)
+    if hook in LAB:
+        lab_class = type("MadeUpLab", (), {hook: hookspecs.hookimpl(scope[hook])})
+        return LabPlugin("made-up", *manager.set_up("made-up", lab_class, lab_hookspecs)), given
     return loaded(**{hook: scope[hook]}), given
 
 
@@ -77,7 +82,7 @@ def ask_detect() -> dict[str, Any]:
 
 def ask_extract_features() -> dict[str, Any]:
     plugin, given = asked("extract_features", [FEATURE])
-    assert plugin.extract_features(VIEW, [DETECTION]) == [FEATURE]
+    assert plugin.extract_features(VIEW, [DETECTION], None) == [FEATURE]
     return given
 
 
@@ -128,8 +133,8 @@ def ask_describe() -> dict[str, Any]:
 def ask_relate() -> dict[str, Any]:
     related = replace(THING, attributes={"bay": 1})
     plugin, given = asked("relate", [related])
-    assert plugin.relate([THING], {"others": [THING]}) == (related,)
-    assert asked("describe", [])[0].relate([THING], {}) == (THING,)
+    assert plugin.relate([THING], {"others": [THING]}) == [related]
+    assert asked("describe", [])[0].relate([THING], {}) == [THING]
     return given
 
 
@@ -152,8 +157,10 @@ def ask_openings() -> dict[str, Any]:
 def ask_places() -> dict[str, Any]:
     plugin, given = asked("places", [THING])
     assert plugin.places([THING], JointCovariance({}, np.eye(1))) == [THING]
-    assert loaded(places=lambda self, structures: structures).places([THING]) == [THING]  # as before there was `joint`
-    assert asked("describe", [])[0].places([THING]) == []
+    assert loaded(places=lambda self, structures: structures).places([THING], None) == [
+        THING
+    ]  # as before there was `joint`
+    assert asked("describe", [])[0].places([THING], None) == []
     return given
 
 
@@ -209,12 +216,17 @@ def ask_random_section() -> dict[str, Any]:
     return given
 
 
+def ask_practice_pictures() -> dict[str, Any]:
+    plugin, given = asked("practice_pictures", None)
+    plugin.practice_pictures(Path("practice"), 3, 0)
+    return given
+
+
 def ask_exporters() -> dict[str, Any]:
     def write(site_map: SiteMap, path: Path) -> None: ...
 
     plugin, given = asked("exporters", {"made": write})
     assert plugin.exporters() == {"made": write}
-    assert loaded().exporters() == {}
     return given
 
 
@@ -244,6 +256,7 @@ ASKED: dict[str, Callable[[], dict[str, Any]]] = {
     "draw": ask_draw,
     "scene": ask_scene,
     "random_section": ask_random_section,
+    "practice_pictures": ask_practice_pictures,
     "exporters": ask_exporters,
     "register_commands": ask_register_commands,
 }

@@ -10,29 +10,11 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginError, PluginFailedError, SiteError
-from savmap.plugin import hookspecs, manager
+from savmap.plugin import manager
 from savmap.plugin.manager import open_plugin
 from savmap.types import CrossRowLandmark, Panorama, Structure, View
 
 from .made_up_plugin import VIEW, loaded
-
-HOOKS = {name: value for name, value in vars(hookspecs).items() if hasattr(value, "savmap_spec")}
-
-
-def test_the_hooks_that_were_asked_for_exist() -> None:
-    assert {
-        "render_views",
-        "detect",
-        "extract_features",
-        "track",
-        "constrain",
-        "describe",
-        "relate",
-        "cross_row_landmarks",
-        "evaluate",
-        "draw",
-        "scene",
-    } <= set(HOOKS)
 
 
 def test_a_misspelt_hook_is_refused() -> None:
@@ -48,14 +30,14 @@ def test_a_plugin_that_raises_is_named() -> None:
     with pytest.raises(
         PluginError, match=r"`made-up` failed in `extract_features` at frame 3 of view: ZeroDivisionError: oh"
     ):
-        plugin.extract_features(VIEW, [])
+        plugin.extract_features(VIEW, [], None)
 
 
 @pytest.mark.parametrize("answer", [None, 3, ["x"]])
 def test_a_wrong_answer_is_named(answer: object) -> None:
     plugin = loaded(extract_features=lambda self, view: answer)
     with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
-        plugin.extract_features(VIEW, [])
+        plugin.extract_features(VIEW, [], None)
 
 
 class SpeechlessError(Exception):
@@ -78,7 +60,7 @@ def test_whatever_a_plugin_raises_is_one_line(
     monkeypatch.setenv("SAVMAP_TRACE", traced)
     plugin = loaded(extract_features=extract_features)
     with pytest.raises(PluginFailedError) as caught:
-        plugin.extract_features(VIEW, [])
+        plugin.extract_features(VIEW, [], None)
     assert str(caught.value) == f"plugin `made-up` failed in `extract_features` at frame 3 of view: {says}"
     lines = capsys.readouterr().err.splitlines()
     assert [line.endswith(f"ms, raised {says}") for line in lines] == ([True] if traced else [])
@@ -98,7 +80,7 @@ def test_a_trace_tells_of_odd_answers_too(monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setenv("SAVMAP_TRACE", "1")
     plugin = loaded(extract_features=lambda self, view: Odd())
     with pytest.raises(PluginError, match="returned Odd from `extract_features`, not list"):
-        plugin.extract_features(VIEW, [])
+        plugin.extract_features(VIEW, [], None)
     assert capsys.readouterr().err.endswith("ms, Odd\n")
 
 
@@ -107,7 +89,7 @@ def test_a_trace_that_cannot_be_printed_is_in_nobodys_way(monkeypatch: pytest.Mo
     plugin = loaded(extract_features=lambda self, view: [])
     with (tmp_path / "closed").open("w") as closed:
         monkeypatch.setattr("sys.stderr", closed)
-    assert plugin.extract_features(VIEW, []) == []
+    assert plugin.extract_features(VIEW, [], None) == []
 
 
 def test_what_is_drawn_is_checked() -> None:
@@ -129,9 +111,9 @@ def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> N
 def test_a_plugin_answers_for_itself_alone() -> None:
     first = loaded(extract_features=lambda self, view: [])
     second = loaded()
-    assert first.extract_features(VIEW, []) == []
+    assert first.extract_features(VIEW, [], None) == []
     with pytest.raises(PluginError):
-        second.extract_features(VIEW, [])
+        second.extract_features(VIEW, [], None)
 
 
 def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
@@ -144,7 +126,7 @@ def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
     panorama = Panorama(0, 0.0, np.zeros((8, 16, 3), dtype=np.uint8))
     plugin = loaded(extract_features=extract_features)
     plugin.extract_features(VIEW, [], panorama)
-    plugin.extract_features(VIEW, [])
+    plugin.extract_features(VIEW, [], None)
     assert given[0] is panorama
     assert given[1] is None
 
@@ -175,6 +157,6 @@ def test_structures_may_be_related_to_what_others_mapped() -> None:
     def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
         return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
 
-    assert loaded().relate([point], {"rack": [point]}) == (point,)
+    assert loaded().relate([point], {"rack": [point]}) == [point]
     (related,) = loaded(relate=relate).relate([point], {"rack": [point]})
     assert related.attributes == {"others": 1}

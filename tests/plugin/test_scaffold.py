@@ -53,6 +53,7 @@ def test_everything_bears_its_name_and_nothing_that_of_the_template(project: Pat
     content = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert content["name"] == "savmap-lamp-posts"
     assert content["entry-points"]["savmap.plugins"] == {"lamp_posts": "savmap_lamp_posts.plugin:LampPosts"}
+    assert content["entry-points"]["savmap.lab"] == {"lamp_posts": "savmap_lamp_posts.lab:LampPostsLab"}
     assert content["license"] == "Apache-2.0"
     assert "your choice" in (project / "pyproject.toml").read_text(encoding="utf-8")
 
@@ -67,8 +68,9 @@ def test_its_tests_pass_as_written(name: str, locates_camera: bool, tmp_path: Pa
     project, facts = tmp_path / "project", tmp_path / f"savmap_{name}-0.1.0.dist-info"
     list(new_plugin(name, project, locates_camera))
     facts.mkdir()
-    point = f"[savmap.plugins]\n{name} = savmap_{name}.plugin:{title_of(name)}\n"
-    (facts / "entry_points.txt").write_text(point, encoding="utf-8")
+    points = f"[savmap.plugins]\n{name} = savmap_{name}.plugin:{title_of(name)}\n"
+    points += f"[savmap.lab]\n{name} = savmap_{name}.lab:{title_of(name)}Lab\n"
+    (facts / "entry_points.txt").write_text(points, encoding="utf-8")
     (facts / "METADATA").write_text(f"Name: savmap-{name}\nVersion: 0.1.0\n", encoding="utf-8")
     paths = [str(project / "src"), str(tmp_path), *sys.path]
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
@@ -84,12 +86,12 @@ def test_only_class_and_package_bear_the_name(folder: Path) -> None:
     for path in folder.rglob("*.py"):
         with path.open("rb") as stream:
             words = {token.string for token in tokenize.tokenize(stream.readline) if token.type == tokenize.NAME}
-        assert {word for word in words if "pillar" in word.lower()} <= {"Pillars", "savmap_pillars"}
+        assert {word for word in words if "pillar" in word.lower()} <= {"Pillars", "PillarsLab", "savmap_pillars"}
 
 
 def test_two_hundred_nouns_will_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.plugin.scaffold.new.installed", dict)
-    code = (TEMPLATE / "src" / "savmap_pillars" / "scene.py").read_text(encoding="utf-8")
+    code = (TEMPLATE / "src" / "savmap_pillars" / "lab.py").read_text(encoding="utf-8")
     assert len(set(NOUNS)) >= 200
     for name in NOUNS:
         require_name(name)
@@ -180,5 +182,5 @@ def test_the_option_writes_a_plugin_that_needs_no_other(tmp_path: Path) -> None:
 
 def test_the_template_is_small() -> None:
     for template in (TEMPLATE, LOCATES_CAMERA):
-        sources = [*(TEMPLATE / "src").rglob("scene.py"), *(template / "src").rglob("plugin.py")]
+        sources = [*(TEMPLATE / "src").rglob("lab.py"), *(template / "src").rglob("plugin.py")]
         assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in sources) <= 150

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
+from savmap.lab.scenes import SceneError
 from savmap.lab.sim.scene.files import load_scene
 from savmap.site.load import load_site
-from savmap.types.scenes import SceneError
 
 PASS = "passes: [{{video: a.mp4{}}}]"
 

@@ -69,7 +69,6 @@ class Lights:
     """Strip and compact lamps of the line above the camera's path: two ends, or a centre."""
 
     name = "lights"
-    furnishes = True
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
@@ -157,17 +156,3 @@ class Lights:
         """Strips as lines, compact lamps as points."""
         ends = read_row(survey).ends() if survey and "lights" in survey else None
         return door.draw_points(structures, ends, deviations, OFF_M, "lamps")
-
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        """Lines of lamps for the simulator."""
-        from savmap_lights.lab.scene import scene
-
-        return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        """Lamps of one kind for a random place."""
-        from savmap_lights.lab.scene import random_section
-
-        return random_section(rng, site, drawn)

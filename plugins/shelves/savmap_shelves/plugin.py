@@ -10,8 +10,6 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
     from savmap.plugin.hookspecs import Exporter
     from savmap.types import Drawing, Score, SiteMap, SurveyEntry
-    from savmap.types.scenes import SceneParts, Site
     from savmap.vision.view_planning import Manual, PassPreview
 
 
@@ -46,7 +43,6 @@ class Shelves:
     """Uprights and beams of the face of a rack."""
 
     name = "shelves"
-    furnishes = True
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
@@ -62,13 +58,6 @@ class Shelves:
 
     def __init__(self, config: ShelvesSettings) -> None:
         self.config = config
-
-    @staticmethod
-    def practice_pictures(folder: Path, count: int, seed: int) -> None:
-        """Painted pictures of random racks, for `savmap adapt`."""
-        from savmap_shelves.lab.painted.pictures import write_pictures
-
-        write_pictures(folder, count, seed)
 
     @hookimpl
     def render_views(
@@ -197,15 +186,3 @@ class Shelves:
             write_elements(site, path, self.name)
 
         return {"elements-csv": write_all, "slots-csv": write_csv, "slots-json": write_json}
-
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: "Site") -> "SceneParts":
-        from savmap_shelves.lab.scene import scene
-
-        return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_shelves.lab.random_racks import random_section
-
-        return random_section(rng, site, drawn)

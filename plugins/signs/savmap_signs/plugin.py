@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
@@ -128,18 +126,6 @@ class Signs:
         from savmap_signs.evaluation import draw
 
         return draw(structures, survey, deviations)
-
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        from savmap_signs.lab.scene import scene
-
-        return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_signs.lab.random_plates import random_section
-
-        return random_section(rng, site, drawn)
 
 
 def _view_spec(name: str, rig_from_face: Floats, yaw_deg: float, pitch_deg: float, interval: int) -> ViewSpec:

@@ -25,7 +25,7 @@ def plugin_lines() -> Iterator[str]:
     from savmap.plugin.manager import installed, lacking, load_installed
     from savmap.plugin.protocol import implements
 
-    loaded = load_installed()
+    loaded, laboratory = load_installed(), installed("savmap.lab")
     for name, point in installed().items():
         yield f"{name}  ({point.value})"
         if name in loaded.broken:
@@ -37,6 +37,8 @@ def plugin_lines() -> Iterator[str]:
         yield f"  model    {plugin.model}"
         yield f"  network  {_network(plugin.model)}"
         yield f"  hooks    {', '.join(hooks)}"
+        if name in laboratory:
+            yield f"  lab      {laboratory[name].value}"
         if missing := lacking(plugin):
             yield f"  lacks    {', '.join(missing)}, without which it does less: pip install them, or savmap's extra of its name"
 

@@ -8,7 +8,13 @@ import typer
 from savmap.cli.commands.options import output_option
 from savmap.cli.speech import say
 
-app = typer.Typer(help="For those who write plugins.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    help="For those who write plugins.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
 
 
 @app.callback()

@@ -19,6 +19,7 @@ import numpy as np
 from savmap.errors import OutputError, ending_in_one_line
 from savmap.files.atomic import read_json, write_text
 from savmap.geometry.pinhole import focal_px
+from savmap.lab.scenes import Look
 from savmap.lab.sim.drive.views import CameraSample, Kind, sample_camera, sought_labels, view_rays
 from savmap.lab.sim.random_scene import classes_of, random_scene
 from savmap.lab.sim.render.raycast import Caster, Hits
@@ -27,7 +28,6 @@ from savmap.lab.sim.render.surfaces import Indices
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene
 from savmap.types import Floats
-from savmap.types.scenes import Look
 from savmap.video.image_folder import write_picture
 
 WIDTH, HEIGHT = 640, 480

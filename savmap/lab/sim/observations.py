@@ -12,10 +12,10 @@ from typing import Literal
 import numpy as np
 
 from savmap.geometry.pinhole import project
+from savmap.lab.scenes import Front, RowFrame
 from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.drive.optics import Optics, seen_edges
 from savmap.types import Floats, ViewSpec
-from savmap.types.scenes import Front, RowFrame
 
 Side = Literal["left", "right", "lower", "upper"]
 

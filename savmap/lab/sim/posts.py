@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from savmap.types.scenes import FACES, Box, Material, RandomSection, Rgb, SceneParts, Site, Strict, validated
+from savmap.lab.scenes import FACES, Box, Material, RandomSection, Rgb, SceneParts, Site, Strict, validated
 
 
 class Stand(Strict):

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from savmap.lab.plugins import furnishing_plugins
 from savmap.lab.sim.random_scene import furnished
-from savmap.lab.sim.scene.build import random_section
 from savmap.lab.sim.scene.files import Scene, parse_scene
 
 ROW = "A"
@@ -20,8 +20,9 @@ def random_row(seed: int, frames: int = 60, width: int = 2048) -> Scene:
     place = furnished(seed)
     content = place.scene.model_dump(mode="json")
     size = place.site.sizes[ROW]
+    plugins = {plugin.name: plugin for plugin in furnishing_plugins()}
     for name, drawn in place.sections.items():
-        short = random_section(name, rng, place.site, drawn)
+        short = plugins[name].random_section(rng, place.site, drawn)
         if short is not None:
             content["structures"][name] = dict(short.section)
             size = short.sizes.get(ROW, size)

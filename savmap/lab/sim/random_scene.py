@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from savmap.lab.sim.scene.build import build, random_section
+from savmap.lab.plugins import LabPlugin, furnishing_plugins, lab_plugin
+from savmap.lab.scenes import Goods, Hall, Look, RandomSection, Rgb, SceneError, Site
+from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene, parse_scene, row_frame
 from savmap.plugin.manager import installed, load_class
-from savmap.types.scenes import Goods, Hall, Look, RandomSection, Rgb, SceneError, Site
 
 _PAINTS = np.array(
     [
@@ -43,7 +44,8 @@ def random_scene(seed: int, plugins: Sequence[str] = ()) -> Scene:
         return scene
     site, sections = build(scene).site, {}
     for name in added:
-        section = random_section(name, np.random.default_rng([seed, 79, *name.encode()]), site, None)
+        plugin, rng = lab_plugin(name), np.random.default_rng([seed, 79, *name.encode()])
+        section = plugin.random_section(rng, site, None) if plugin is not None else None
         if section is None:
             raise SceneError(f"--plugin {name}: its `random_section` makes up nothing for a random place")
         sections[name] = section.section
@@ -64,9 +66,9 @@ def furnished(seed: int) -> FurnishedScene:
     """
     rng = np.random.default_rng([seed, 77])
     aisle = float(rng.uniform(1.8, 4.5))
-    names = [name for name in installed() if getattr(load_class(name), "furnishes", False)]
+    plugins = furnishing_plugins()
     empty = Site(Hall(), Goods(), Look(), {}, aisle=aisle)
-    sections = dict(_answers(names, rng, empty))
+    sections = dict(_answers(plugins, rng, empty))
     if not any(section.rows for section in sections.values()):
         raise SceneError("a random place needs a plugin that makes up rows (`random_section`); none is installed")
     rows = {name: place for section in sections.values() for name, place in section.rows.items()}
@@ -83,16 +85,16 @@ def furnished(seed: int) -> FurnishedScene:
     plain = parse_scene(content, f"random scene {seed}")
     frames = {name: row_frame(place) for name, place in rows.items()}
     site = replace(empty, hall=plain.hall, goods=plain.goods, look=plain.look, frames=frames, sizes=sizes)
-    sections |= _answers([name for name in names if name not in sections], rng, site)
+    sections |= _answers([plugin for plugin in plugins if plugin.name not in sections], rng, site)
     structures = {name: dict(section.section) for name, section in sections.items()}
     return FurnishedScene(plain.model_copy(update={"structures": structures}), sections, site)
 
 
-def _answers(names: Sequence[str], rng: np.random.Generator, site: Site) -> Iterator[tuple[str, RandomSection]]:
-    for name in names:
-        section = random_section(name, rng, site, None)
+def _answers(plugins: Sequence[LabPlugin], rng: np.random.Generator, site: Site) -> Iterator[tuple[str, RandomSection]]:
+    for plugin in plugins:
+        section = plugin.random_section(rng, site, None)
         if section is not None:
-            yield name, section
+            yield plugin.name, section
 
 
 def _chance(rng: np.random.Generator, share: float) -> bool:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from savmap.errors import ModelError, OutputError, SiteError
+from savmap.lab.plugins import lab_plugin
 from savmap.plugin.manager import load_class
-from savmap.plugin.protocol import network_classes
 from savmap.vision.networks.segmenter import Segmenter
 
 Progress = Callable[[float, str], None]
@@ -129,7 +129,9 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     plugin_class = load_class(plugin)
     init = float_model(plugin_class.model) if options.init == SHIPPED else options.init
     fine_tunes = init is not None and init.suffix == ".onnx" and not options.whole
-    classes = trained_classes(plugin_class.classes, network_classes(plugin_class), init)
+    lab = lab_plugin(plugin)
+    known = (lab.network_classes if lab is not None else ()) or plugin_class.classes
+    classes = trained_classes(plugin_class.classes, known, init)
     return TrainingPlan(
         classes,
         options.data,

@@ -18,7 +18,7 @@ from savmap.plugin.scaffold.stub import stub_network
 
 TEMPLATE = Path(__file__).parent / "project-template"
 LOCATES_CAMERA = Path(__file__).parent / "locates-camera"
-TEMPLATE_NAME, TITLE = "pillars", "Pillars"
+TEMPLATE_NAME, TITLE, LAB = "pillars", "Pillars", "PillarsLab"
 PART = "part"
 """Beside an object's number in a track's place (`savmap.plugin.track_of`)."""
 NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -80,9 +80,12 @@ def title_of(name: str) -> str:
 
 @cache
 def names_of(folder: Path) -> frozenset[str]:
-    """All names in a project's code, but for its plugin's class: a class of such a name would get into its way."""
+    """All names in a project's code, but for its plugin's classes: a class of such a name would get into its way."""
     nodes = [node for path in folder.rglob("*.py") for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-    return frozenset(str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")) - {TITLE}
+    return frozenset(str(getattr(node, key, "")) for node in nodes for key in ("id", "arg", "name", "asname")) - {
+        TITLE,
+        LAB,
+    }
 
 
 def project_files(name: str, locates_camera: bool = False) -> dict[str, bytes]:

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from savmap.cli.commands.training import adapted_lines
 from savmap.errors import SavmapError, SiteError, StructureError
 from savmap.lab.adapt import rounds, run
 from savmap.lab.adapt.labels import SETS, LabelSets
 from savmap.lab.adapt.records import Adapted, AdaptOptions, State
 from savmap.lab.adapt.rounds import Adaptation
+from savmap.lab.commands import adapted_lines
 from savmap.lab.train import TrainedNetwork, TrainingPlan, measure
 from savmap.maps.map_file import write_map
 from savmap.site.job import Job

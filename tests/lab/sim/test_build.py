@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from savmap.lab.scenes import SceneError
 from savmap.lab.sim.drive.views import sample_camera
 from savmap.lab.sim.random_scene import random_scene
 from savmap.lab.sim.render.raycast import Caster
 from savmap.lab.sim.scene.build import Built, build, face_size, mapped_rows, row_fronts
 from savmap.lab.sim.scene.files import Scene, load_scene, parse_scene
 from savmap.types import Floats
-from savmap.types.scenes import SceneError
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scenes"
 

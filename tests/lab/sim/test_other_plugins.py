@@ -2,12 +2,16 @@
 
 import sys
 from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from savmap.errors import PluginError, PluginFailedError
+from savmap.lab.plugins import GROUP, lab_plugin
+from savmap.lab.scenes import FACES, Box, Goods, Hall, Look, Material, RandomSection, SceneError, SceneParts, Site
 from savmap.lab.sim.dataset import view_mask
 from savmap.lab.sim.drive.cart import drive
 from savmap.lab.sim.drive.views import sample_camera
@@ -17,29 +21,38 @@ from savmap.lab.sim.render.raycast import Caster
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene
 from savmap.lab.sim.simulate import references, site_of
-from savmap.types.scenes import FACES, Box, Material, RandomSection, SceneError, SceneParts, Site
+from savmap.plugin.hookspecs import hookimpl
+from savmap.plugin.manager import installed
 
 CLASSES = ("upright", "beam", "light")
 
 
-def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
-    """Crates on the floor before the first row."""
-    size = np.array([0.8, 0.3, 0.6])
-    places = [np.array([x, 0.15, 0.7]) for x in section["x"]]
-    boxes = [Box(at, size, Material((0.5, 0.3, 0.1)), face_labels=dict.fromkeys(FACES, "crate")) for at in places]
-    return SceneParts(boxes, {})
+class CratesLab:
+    @hookimpl
+    def scene(self, section: Mapping[str, Any]) -> SceneParts:
+        """Crates on the floor before the first row."""
+        size = np.array([0.8, 0.3, 0.6])
+        places = [np.array([x, 0.15, 0.7]) for x in section["x"]]
+        boxes = [Box(at, size, Material((0.5, 0.3, 0.1)), face_labels=dict.fromkeys(FACES, "crate")) for at in places]
+        return SceneParts(boxes, {})
+
+    @hookimpl
+    def random_section(self, rng: np.random.Generator) -> RandomSection:
+        return RandomSection({"x": [float(x) for x in np.arange(0.0, 12.0, 1.2) + rng.uniform(-0.1, 0.1, 10)]})
 
 
-def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection:
-    return RandomSection({"x": [float(x) for x in np.arange(0.0, 12.0, 1.2) + rng.uniform(-0.1, 0.1, 10)]})
+def install(monkeypatch: pytest.MonkeyPatch, lab_class: type) -> None:
+    """Let `crates` be an installed plugin, which has this class for the laboratory."""
+    module = ModuleType("savmap_crates")
+    vars(module).update(Crates=lab_class)
+    monkeypatch.setitem(sys.modules, "savmap_crates", module)
+    point = EntryPoint("crates", "savmap_crates:Crates", GROUP)
+    monkeypatch.setattr("savmap.lab.plugins.installed", lambda group: installed(group) | {"crates": point})
 
 
 @pytest.fixture
 def crates(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = ModuleType("savmap_crates.scene")
-    vars(module).update(scene=scene, random_section=random_section)
-    monkeypatch.setitem(sys.modules, "savmap_crates", ModuleType("savmap_crates"))
-    monkeypatch.setitem(sys.modules, "savmap_crates.scene", module)
+    install(monkeypatch, CratesLab)
 
 
 def test_a_random_scene_has_them_and_their_class_comes_after_ours(crates: None) -> None:
@@ -59,15 +72,35 @@ def test_the_rest_of_the_place_stays_as_it_is(crates: None) -> None:
     assert more.model_copy(update={"structures": plain.structures}) == plain
 
 
-def test_a_plugin_that_makes_up_no_places_is_named() -> None:
-    with pytest.raises(SceneError, match=r"structures\.nobody: no installed plugin"):
+def test_a_plugin_that_builds_no_scenes_is_named(scene_with: Callable[..., Scene]) -> None:
+    with pytest.raises(SceneError, match=r"structures\.nobody: no installed plugin of that name builds scenes"):
+        build(scene_with().model_copy(update={"structures": {"nobody": {}}}))
+
+
+def test_a_plugin_without_random_sections_is_named() -> None:
+    with pytest.raises(SceneError, match="--plugin nobody: its `random_section` makes up nothing"):
         random_scene(3, ["nobody"])
 
 
-def test_a_plugin_without_random_sections_is_named(crates: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(sys.modules["savmap_crates.scene"], "random_section")
-    with pytest.raises(SceneError, match="--plugin crates: its `random_section` makes up nothing"):
-        random_scene(3, ["crates"])
+def test_a_broken_laboratory_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Misspelt:
+        @hookimpl
+        def scenes(self) -> None: ...
+
+    install(monkeypatch, Misspelt)
+    with pytest.raises(PluginError, match=r"plugin `crates` .*`scenes` is no hook: did you mean `scene`\?"):
+        lab_plugin("crates")
+
+    class Failing:
+        @hookimpl
+        def scene(self) -> None:
+            raise RuntimeError("oh")
+
+    install(monkeypatch, Failing)
+    crates = lab_plugin("crates")
+    assert crates is not None
+    with pytest.raises(PluginFailedError, match="plugin `crates` failed in `scene`: RuntimeError: oh"):
+        crates.scene({}, np.random.default_rng(0), Site(Hall(), Goods(), Look(), {}))
 
 
 def test_a_plugin_is_told_how_long_the_rows_are_and_what_stands_in_them(scene_with: Callable[..., Scene]) -> None:

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from savmap.lab.scenes import SceneError
 from savmap.lab.sim.drive.cart import course, drive
 from savmap.lab.sim.drive.passes import true_passes
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Cart, Scene, parse_scene
 from savmap.lab.sim.simulate import references, site_of
-from savmap.types.scenes import SceneError
 
 BAYS = [{"width": 2.0, "beams": [0.2, 1.2]}, {"width": 2.0, "beams": [0.2, 1.2]}]
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from savmap.lab.scenes import SceneError
 from savmap.lab.sim.random_row import random_row
 from savmap.lab.sim.random_scene import classes_of, furnished, random_scene
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene
-from savmap.types.scenes import SceneError
 
 
 def rounded(content: Any) -> Any:
@@ -52,6 +52,6 @@ def test_sizes_said_are_sizes_built() -> None:
 
 
 def test_no_place_without_a_plugin_that_makes_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.lab.sim.random_scene.installed", dict)
+    monkeypatch.setattr("savmap.lab.plugins.installed", lambda group: {})
     with pytest.raises(SceneError, match="needs a plugin that makes up rows"):
         random_scene(0)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from savmap.cli.commands.sources import simulate as simulate_command
+from savmap.lab.commands import simulate as simulate_command
+from savmap.lab.scenes import FACES, Box, Material
 from savmap.lab.sim.render.raycast import Caster, RayCasterMissingError
 from savmap.lab.sim.scene.files import Scene
 from savmap.lab.sim.simulate import simulate
-from savmap.types.scenes import FACES, Box, Material
 
 PAINT = Material((0.5, 0.5, 0.5))
 CLASSES = ("upright", "beam")

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.cli.commands import training
-from savmap.cli.commands.training import network_lines
 from savmap.errors import ModelError, OutputError, SiteError
+from savmap.lab import commands
+from savmap.lab.commands import network_lines
 from savmap.lab.train import train
 from savmap.lab.train.data.dataset import MaskFile, Sample, held_out
 from savmap.lab.train.data.sets import read_sets
@@ -250,7 +250,7 @@ class TestWithTorch:
         from savmap.lab.train import finetune
 
         monkeypatch.setattr(finetune, "LEAST_TO_CALIBRATE", 1)
-        monkeypatch.setattr(training, "LEAST_TO_CALIBRATE", 1)
+        monkeypatch.setattr(commands, "LEAST_TO_CALIBRATE", 1)
         network = train(plan)
         assert network.recipe["calibration"]["temperature"] != 1.0
         assert "fitted to the validation pictures" in "\n".join(network_lines(network))

@@ -244,7 +244,7 @@ def test_the_command_warns_of_a_useless_network(tmp_path: Path, monkeypatch: pyt
     def useless(plan: TrainingPlan, progress: object) -> TrainedNetwork:
         return TrainedNetwork(plan, (plan.output,), warning_of(plan, 0.001, 17))
 
-    monkeypatch.setattr("savmap.lab.train.check", lambda plan: None)
+    monkeypatch.setattr("savmap.lab.commands.check", lambda plan: None)
     monkeypatch.setattr("savmap.lab.train.train", useless)
     output = tmp_path / "poor.onnx"
     ended = CliRunner().invoke(app, ["train", "shelves", "--data", str(tmp_path), "-o", str(output)])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from savmap.lab.scenes import FACES, Box, Face, Material, SceneError
 from savmap.lab.sim.random_scene import random_scene
 from savmap.lab.sim.render.raycast import corners as face_corners
 from savmap.lab.sim.render.surfaces import surfaces_of
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import parse_scene
-from savmap.types.scenes import FACES, Box, Face, Material, SceneError
 from savmap_signs.lab.scene import Plate, corners
 
 

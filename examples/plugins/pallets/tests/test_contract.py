@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.lab.sim.random_scene import random_scene
+from savmap.lab.scenes import RowFrame, Site
+from savmap.lab.sim.random_scene import furnished
 from savmap.lab.sim.scene.files import load_scene
 from savmap.plugin import check_plugin
 from savmap.plugin.manager import load_class
-from savmap.types.scenes import RowFrame, Site
+from savmap_pallets.lab import PalletsLab
 from savmap_pallets.plugin import Pallets
 
 ROW = Path(__file__).parents[1] / "row.yaml"
@@ -23,7 +24,8 @@ def test_contract() -> None:
 
 def test_the_entry_point_leads_to_it() -> None:
     project = tomllib.loads((ROW.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["entry-points"]["savmap.plugins"] == {"pallets": f"{Pallets.__module__}:{Pallets.__name__}"}
+    for group, plugin_class in {"savmap.plugins": Pallets, "savmap.lab": PalletsLab}.items():
+        assert project["entry-points"][group] == {"pallets": f"{plugin_class.__module__}:{plugin_class.__name__}"}
 
 
 @pytest.mark.skipif("pallets" not in entry_points(group="savmap.plugins").names, reason="run from the source tree")
@@ -39,7 +41,7 @@ def test_the_scene_has_what_its_survey_says() -> None:
     scene = load_scene(ROW)
     frame = RowFrame(np.eye(3), np.zeros(3), True)
     site = Site(scene.hall, scene.goods, scene.look, {"A": frame, "B": frame})
-    parts = Pallets(Pallets.Config()).scene(scene.structures["pallets"], np.random.default_rng(0), site)
+    parts = PalletsLab().scene(scene.structures["pallets"], np.random.default_rng(0), site)
     assert len(parts.survey["A"]["pallets"]) == 7
     assert parts.survey["B"]["pallets"] == []
     assert {label for box in parts.boxes for label in box.face_labels.values()} == {"pallet"}
@@ -48,5 +50,6 @@ def test_the_scene_has_what_its_survey_says() -> None:
 
 
 def test_random_places_have_pallets() -> None:
-    scene = random_scene(5, ["pallets"])
-    assert sum(len(row) for row in scene.structures["pallets"]["rows"].values()) >= 3
+    random = PalletsLab().random_section(np.random.default_rng(0), furnished(5).site, None)
+    assert random is not None
+    assert sum(len(row) for row in random.section["rows"].values()) >= 3

@@ -37,8 +37,9 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The plugin's entry point, as pip would write it."""
     record = tmp_path_factory.mktemp("packages") / "savmap_stripes-0.1.0.dist-info"
     record.mkdir()
-    point = "[savmap.plugins]\nstripes = savmap_stripes.plugin:Stripes\n"
-    (record / "entry_points.txt").write_text(point, encoding="utf-8")
+    points = "[savmap.plugins]\nstripes = savmap_stripes.plugin:Stripes\n"
+    points += "[savmap.lab]\nstripes = savmap_stripes.lab:StripesLab\n"
+    (record / "entry_points.txt").write_text(points, encoding="utf-8")
     (record / "METADATA").write_text("Name: savmap-stripes\nVersion: 0.1.0\n", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(record.parent))

@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from savmap.lab.scenes import FACES, Box, Material, RandomSection, Rgb, RowFrame, SceneParts, Site, Strict, validated
 from savmap.types import Floats
-from savmap.types.scenes import FACES, Box, Material, RandomSection, Rgb, RowFrame, SceneParts, Site, Strict, validated
 
 
 class LampLine(Strict):

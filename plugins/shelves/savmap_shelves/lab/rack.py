@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from savmap.types.scenes import Rgb, Strict
+from savmap.lab.scenes import Rgb, Strict
 
 Texture = Literal["plain", "noise", "wood", "carton", "holes", "stripes", "wire", "scratches"]
 

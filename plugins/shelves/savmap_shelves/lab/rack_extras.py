@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.types.scenes import Box, Material, Rgb, span
+from savmap.lab.scenes import Box, Material, Rgb, span
 from savmap_shelves.lab.rack import Rack, top_of
 
 

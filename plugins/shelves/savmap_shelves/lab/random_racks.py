@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from savmap.lab.scenes import RandomSection, RowPlace, RowSize, Site
 from savmap.lab.sim.random_scene import random_color
-from savmap.types.scenes import RandomSection, RowPlace, RowSize, Site
 
 
 def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:

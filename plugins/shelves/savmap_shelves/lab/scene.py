@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.types.scenes import (
+from savmap.lab.scenes import (
     Box,
     Hall,
     Material,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from savmap.types.scenes import Front, RandomSection, Site
+from savmap.lab.scenes import Front, RandomSection, Site
 from savmap_signs.lab.artwork import FONTS
 
 PROUD_M = 0.004

@@ -6,8 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from savmap.lab.scenes import Box, Face, Material, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
 from savmap.types import Floats
-from savmap.types.scenes import Box, Face, Material, Rgb, RowFrame, SceneError, SceneParts, Site, Strict, validated
 from savmap_signs.lab.artwork import Code, artwork
 
 Facing = Literal["+z", "+x", "-x", "x"]

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.geometry.pinhole import project
+from savmap.lab.scenes import RowFrame
 from savmap.lab.sim.drive.cart import Drive
 from savmap.types import Floats, ViewSpec
-from savmap.types.scenes import RowFrame
 
 _SAMPLES = 65
 _LEAST_PX = 12.0

@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
+from savmap.lab.scenes import Look
 from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.render.shade import Image, Mask, Renderer, antialiased, developed, metered
 from savmap.lab.sim.render.surfaces import Indices, Singles
 from savmap.lab.sim.scene.files import Cart
 from savmap.types import Floats, ViewSpec
-from savmap.types.scenes import Look
 from savmap.video.container import local_name
 
 _BAND_PIXELS = 250_000

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import SavmapError
+from savmap.lab.scenes import FACES, Box
 from savmap.types import Floats
-from savmap.types.scenes import FACES, Box
 
 Ints = NDArray[np.int64]
 

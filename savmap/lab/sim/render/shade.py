@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.lab.scenes import Look
 from savmap.lab.sim.render.lightmap import Lightmap, bake
 from savmap.lab.sim.render.raycast import Caster, Hits
 from savmap.lab.sim.render.surfaces import Indices, Singles, Surfaces, surfaces_of
 from savmap.lab.sim.scene.build import Built
 from savmap.types import Floats
-from savmap.types.scenes import Look
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.uint8]

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.lab.scenes import FACES, Box, Face, Material
 from savmap.lab.sim.render.raycast import corners
 from savmap.types import Floats
-from savmap.types.scenes import FACES, Box, Face, Material
 
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int64]

@@ -1,29 +1,27 @@
 """From a scene file to boxes: the plugins' structures, the building and the goods put together, with the survey."""
 
-import importlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from savmap.lab.sim.scene.files import Scene, row_frame
-from savmap.lab.sim.scene.goods import fill
-from savmap.lab.sim.scene.hall import hall_boxes
-from savmap.plugin.manager import installed, open_plugin
-from savmap.types.scenes import (
+from savmap.lab.plugins import lab_plugin
+from savmap.lab.scenes import (
     Box,
     Corner,
     Distractor,
     Front,
     Goods,
     Hall,
-    RandomSection,
     RowFrame,
     SceneError,
     SceneParts,
     Site,
 )
+from savmap.lab.sim.scene.files import Scene, row_frame
+from savmap.lab.sim.scene.goods import fill
+from savmap.lab.sim.scene.hall import hall_boxes
 
 _FRONT_M = 0.05
 _STICKER_M = 0.005
@@ -84,33 +82,13 @@ def build(scene: Scene, makers: Mapping[str, SceneMaker] | None = None) -> Built
     return Built(scene, boxes, _survey(parts, frames), frames, aisle_z, parts, site)
 
 
-def random_section(
-    name: str, rng: np.random.Generator, site: Site, drawn: RandomSection | None
-) -> RandomSection | None:
-    """What the plugin's hook `random_section` answers; see `savmap.hookspecs`. Raises SceneError where there is no such
-    plugin, PluginFailedError for an answer of another type."""
-    if name not in installed():
-        ask = getattr(_module(name), "random_section", None)
-        section: RandomSection | None = ask(rng, site, drawn) if ask else None
-        return section
-    return open_plugin(name, {}).random_section(rng, site, drawn)
-
-
 def _maker(name: str) -> SceneMaker:
-    """The `scene` hook of an installed plugin, or the function of a module `savmap_NAME.scene` that is not
-    installed."""
-    if name in installed():
-        plugin = open_plugin(name, {})
-        return lambda section, rng, site: plugin.scene(section, rng, site)
-    make: SceneMaker = _module(name).scene
-    return make
-
-
-def _module(name: str) -> Any:
-    try:
-        return importlib.import_module(f"savmap_{name}.scene")
-    except ImportError as error:
-        raise SceneError(f"structures.{name}: no installed plugin of that name builds scenes") from error
+    plugin = lab_plugin(name)
+    if plugin is None or not plugin.has("scene"):
+        raise SceneError(
+            f"structures.{name}: no installed plugin of that name builds scenes (hook `scene`, group `savmap.lab`)"
+        )
+    return plugin.scene
 
 
 def _boxes_of(part: SceneParts) -> Iterator[Box]:

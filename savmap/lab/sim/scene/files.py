@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.texts import bounded_text
-from savmap.types.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
+from savmap.lab.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
 
 
 class CartPath(Strict):

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from savmap.lab.scenes import Box, Goods, Material, Rgb, Support, span
 from savmap.types import Floats
-from savmap.types.scenes import Box, Goods, Material, Rgb, Support, span
 
 _WOOD = Material((0.42, 0.28, 0.16), "wood", (0.22, 0.13, 0.07), 0.4, 0.7)
 _PAPER = Material((0.8, 0.8, 0.78), "noise", (0.04, 0.04, 0.04), 0.04, 0.5)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from savmap.types.scenes import Box, Goods, Hall, Material, Rgb, span
+from savmap.lab.scenes import Box, Goods, Hall, Material, Rgb, span
 
 
 def hall_boxes(hall: Hall, goods: Goods, rng: np.random.Generator) -> list[Box]:

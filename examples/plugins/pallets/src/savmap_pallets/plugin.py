@@ -1,6 +1,6 @@
 """Pallets on the floor before a rack, as a plugin of savmap: the door through which the engine comes in.
 
-Each hook imports what it needs when it is called, so that `savmap --help` and the simulator stay quick.
+Each hook imports what it needs when it is called, so that a command that only asks for the settings stays quick.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -98,18 +98,6 @@ class Pallets:
         from savmap_pallets.sketch import draw
 
         return draw(structures, survey, deviations)
-
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        from savmap_pallets.scene import scene
-
-        return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        from savmap_pallets.scene import random_section
-
-        return random_section(rng, site, drawn)
 
     @hookimpl
     def exporters(self) -> Mapping[str, Callable[[SiteMap, Path], None]]:

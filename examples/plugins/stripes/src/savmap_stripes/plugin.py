@@ -78,25 +78,6 @@ class Stripes:
         """How far corners are from the survey's: `stripes: [[corner, corner, corner, corner], ...]`, x, y, z, m."""
         return door.score_points(structures, door.surveyed_points(survey, self.name, 4), LOST_M, self.name)
 
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        """Magenta paint for the simulator: `stripes: {rectangles: [[x from, x to, z from, z to], ...]}`, m in the scene's frame."""
-        from savmap.types.scenes import SceneParts
-
-        spans = section["rectangles"]
-        outlines = np.array([[[a, 0, c], [b, 0, c], [b, 0, d], [a, 0, d]] for a, b, c, d in spans], dtype=np.float64)
-        mapped = {name: frame for name, frame in site.frames.items() if frame.mapped}
-        survey = {name: {"stripes": frame.to_row(outlines).tolist()} for name, frame in mapped.items()}
-        return SceneParts([painted(outline) for outline in outlines], survey)
-
-
-def painted(outline: Floats) -> Any:
-    """A layer of paint, 2 mm thick, over a rectangle (4, 3) m of the floor."""
-    from savmap.types.scenes import Box, Material
-
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    return Box((low + high) / 2, high - low + [0, 0.004, 0], Material((0.75, 0.01, 0.5)), face_labels={"+y": "stripe"})
-
 
 def corners_of(mask: np.ndarray[Any, np.dtype[np.bool_]]) -> Floats:
     """The corners (4, 2) px of the rectangle around a mask: upper left, upper right, lower right, lower left."""

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.graph import CameraHeight, References, Solution, camera_priors, merge, published_start, solve
+from savmap.lab.scenes import Goods, Hall, Look, RowFrame, Site
 from savmap.plugin import (
     LEVEL,
     Detection,
@@ -20,10 +21,9 @@ from savmap.plugin import (
     ViewSpec,
     project,
 )
-from savmap.types.scenes import Goods, Hall, Look, RowFrame, Site
 from savmap.vision.networks.segmenter import Segmenter
+from savmap_pillars.lab import PillarsLab
 from savmap_pillars.plugin import Pillars, Settings
-from savmap_pillars.scene import random_section
 
 SPEC = ViewSpec("pass 1 / pillars", 0.0, hfov_deg=110.0, width=640, height=480)
 FRAMES = 40
@@ -130,9 +130,9 @@ def test_rows_share_their_feet(plugin: Pillars) -> None:
     np.testing.assert_allclose(plugin.cross_row_landmarks([first])[0].place, POSTS[0, 0], atol=0.03)
 
 
-def test_the_simulator_builds_them_and_surveys_their_fronts(plugin: Pillars) -> None:
+def test_the_simulator_builds_them_and_surveys_their_fronts() -> None:
     site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.array([1.0, 0.0, 0.0]), True)})
-    parts = plugin.scene({"stands": [{"x": 1.0, "z": 0.0, "height": 2.6}]}, np.random.default_rng(0), site)
+    parts = PillarsLab().scene({"stands": [{"x": 1.0, "z": 0.0, "height": 2.6}]}, site)
     assert len(parts.boxes) == 1
     np.testing.assert_allclose(parts.survey["A"]["pillars"], POSTS[:1])
-    assert random_section(np.random.default_rng(0), site, None).section["stands"]
+    assert PillarsLab().random_section(np.random.default_rng(0), site).section["stands"]

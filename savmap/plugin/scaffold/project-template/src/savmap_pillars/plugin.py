@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 import savmap.plugin as door
@@ -107,17 +106,3 @@ class Pillars:
         """A line from foot to top, over the survey's."""
         truth = door.surveyed_points(survey or {}, self.name, 2)
         return door.draw_points(structures, truth, deviations, OFF_M, self.name)
-
-    @hookimpl
-    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Any) -> Any:
-        """Magenta posts for the simulator."""
-        from savmap_pillars.scene import scene
-
-        return scene(section, rng, site)
-
-    @hookimpl
-    def random_section(self, rng: np.random.Generator, site: Any, drawn: Any) -> Any:
-        """Posts of any size for random places, to train a network on."""
-        from savmap_pillars.scene import random_section
-
-        return random_section(rng, site, drawn)

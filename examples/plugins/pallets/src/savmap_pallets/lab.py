@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from savmap.types import Floats
-from savmap.types.scenes import (
+from savmap.lab.scenes import (
     FACES,
     Box,
     Material,
@@ -26,6 +25,8 @@ from savmap.types.scenes import (
     span,
     validated,
 )
+from savmap.plugin.hookspecs import hookimpl
+from savmap.types import Floats
 
 WOOD: Rgb = (0.46, 0.33, 0.2)
 PLASTICS: tuple[Rgb, ...] = ((0.03, 0.1, 0.4), (0.1, 0.1, 0.11), (0.4, 0.41, 0.42), (0.5, 0.05, 0.03))
@@ -50,31 +51,37 @@ class Section(Strict):
     rows: dict[str, tuple[Pallet, ...]]
 
 
-def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
-    """The boxes of all pallets, and each mapped row's survey of them. Raises SceneError for a row the scene does not place."""
-    rows = validated(Section, section, "structures.pallets").rows
-    boxes: list[Box] = []
-    for name, pallets in rows.items():
-        if name not in site.frames:
-            raise SceneError(f"structures.pallets.rows.{name}: `rows` does not place a row {name}")
-        boxes += [box for pallet in pallets for box in placed(pallet, site.frames[name], rng)]
-    survey = {
-        name: {
-            "pallets": [{"x": p.x, "z": p.z, "turn_deg": p.turn_deg, "size": list(p.size)} for p in rows.get(name, ())]
+class PalletsLab:
+    """What `savmap simulate` and training ask."""
+
+    @hookimpl
+    def scene(self, section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> SceneParts:
+        """The boxes of all pallets, and each mapped row's survey of them. Raises SceneError for a row the scene does not place."""
+        rows = validated(Section, section, "structures.pallets").rows
+        boxes: list[Box] = []
+        for name, pallets in rows.items():
+            if name not in site.frames:
+                raise SceneError(f"structures.pallets.rows.{name}: `rows` does not place a row {name}")
+            boxes += [box for pallet in pallets for box in placed(pallet, site.frames[name], rng)]
+        survey = {
+            name: {
+                "pallets": [
+                    {"x": p.x, "z": p.z, "turn_deg": p.turn_deg, "size": list(p.size)} for p in rows.get(name, ())
+                ]
+            }
+            for name, frame in site.frames.items()
+            if frame.mapped
         }
-        for name, frame in site.frames.items()
-        if frame.mapped
-    }
-    return SceneParts(boxes, survey)
+        return SceneParts(boxes, survey)
 
-
-def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
-    """The section of a random place: pallets before its mapped rows, none within another's reach."""
-    rows: dict[str, Any] = {}
-    for name, frame in site.frames.items():
-        if frame.mapped:
-            rows[name] = [_random(rng, x, z) for x, z in _places(rng, frame, site)]
-    return RandomSection({"rows": rows})
+    @hookimpl
+    def random_section(self, rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
+        """The section of a random place: pallets before its mapped rows, none within another's reach."""
+        rows: dict[str, Any] = {}
+        for name, frame in site.frames.items():
+            if frame.mapped:
+                rows[name] = [_random(rng, x, z) for x, z in _places(rng, frame, site)]
+        return RandomSection({"rows": rows})
 
 
 def _places(rng: np.random.Generator, frame: RowFrame, site: Site) -> list[tuple[float, float]]:

@@ -1,0 +1,139 @@
+"""A hook as a typed method: one plugin is asked, its answer is checked, and a failure names plugin and hook."""
+
+import faulthandler
+import inspect
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Generic, ParamSpec, Self, TypeVar, get_args, get_origin, overload
+
+import pluggy
+
+from savmap.errors import PluginFailedError, SavmapError, format_error
+from savmap.plugin.protocol import implements
+from savmap.types import View
+
+P = ParamSpec("P")
+Answer = TypeVar("Answer")
+
+
+class _HookLimit:
+    """Ends this process, with a traceback, when the hooks that run are stuck: none began or ended for too long."""
+
+    def __init__(self) -> None:
+        self.seconds = float("inf")
+        self._running, self._lock = 0, threading.Lock()
+
+    def __enter__(self) -> None:
+        self._count(1)
+
+    def __exit__(self, *_: object) -> None:
+        self._count(-1)
+
+    def _count(self, more: int) -> None:
+        if self.seconds < threading.TIMEOUT_MAX:
+            with self._lock:
+                self._running += more
+                if self._running:
+                    faulthandler.dump_traceback_later(self.seconds, exit=True)
+                else:
+                    faulthandler.cancel_dump_traceback_later()
+
+
+_hook_limit = _HookLimit()
+
+
+def limit_hooks(seconds: float) -> None:
+    """End this process when a hook takes longer than that."""
+    _hook_limit.seconds = seconds
+
+
+class Hook(Generic[P, Answer]):
+    """A method of a `HookCaller` that asks its plugin one hook, with the types of the hook's specification.
+
+    `expected` is the type of the answer, such as `ViewPlan` or `list[Track]`. `check` takes the answer and, by name,
+    any of the hook's arguments or of the caller's attributes, and raises ValueError with the first fault.
+    """
+
+    def __init__(self, spec: Callable[P, Answer], expected: Any, check: Callable[..., object] | None = None) -> None:
+        self.name, self.signature = spec.__name__, inspect.signature(spec)
+        sequence = get_origin(expected) in (list, tuple)
+        self.expected = get_origin(expected) if sequence else expected
+        self.item: type | None = get_args(expected)[0] if sequence else None
+        self.check = check
+        self.checked_with = list(inspect.signature(check).parameters)[1:] if check else []
+
+    @overload
+    def __get__(self, caller: None, owner: type) -> Self: ...
+
+    @overload
+    def __get__(self, caller: "HookCaller", owner: type) -> Callable[P, Answer]: ...
+
+    def __get__(self, caller: "HookCaller | None", owner: type) -> Self | Callable[P, Answer]:
+        return self if caller is None else partial(self, caller)
+
+    def __call__(self, caller: "HookCaller", *args: P.args, **kwargs: P.kwargs) -> Answer:
+        """What the caller's plugin answers. Raises PluginFailedError, or the plugin's SavmapError."""
+        answer: Answer = caller.ask(self, self.signature.bind(*args, **kwargs).arguments)
+        return answer
+
+
+@dataclass(frozen=True)
+class HookCaller:
+    """One plugin, and the manager that asks it (and the defaults) and no other.
+
+    Each hook is a method with the arguments of its specification. All of them raise PluginFailedError, with the
+    plugin's and the hook's name, where the hook raises or ends the program or its answer cannot be used. A SavmapError
+    of the plugin, with which it refuses in its own words, is raised as it is.
+    """
+
+    name: str
+    instance: Any
+    manager: pluggy.PluginManager = field(repr=False)
+
+    def has(self, hook: str) -> bool:
+        """Whether the plugin writes a hook itself, so that no default answers."""
+        return implements(self.instance, hook)
+
+    def ask(self, hook: Hook[Any, Any], arguments: Mapping[str, Any]) -> Any:
+        """What the plugin answers to a hook, when it is of the expected type and passes the check."""
+        view = arguments.get("view")
+        where = f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
+        try:
+            with _hook_limit:
+                answer = getattr(self.manager.hook, hook.name)(**arguments)
+        except SavmapError:
+            raise
+        except (Exception, SystemExit) as error:
+            what = f"failed in `{hook.name}`{where}: {format_error(error)}"
+            raise PluginFailedError(self.name, hook.name, what) from error
+        fault = _type_fault(answer, hook)
+        if fault:
+            raise PluginFailedError(self.name, hook.name, fault)
+        try:
+            if hook.check is not None:
+                given = {
+                    name: arguments[name] if name in arguments else getattr(self, name) for name in hook.checked_with
+                }
+                hook.check(answer, **given)
+        except PluginFailedError:
+            raise
+        except Exception as error:
+            reason = str(error) if type(error) is ValueError else format_error(error)
+            what = f"returned what cannot be used from `{hook.name}`{where}: {reason}"
+            raise PluginFailedError(self.name, hook.name, what) from error
+        return answer
+
+
+def _type_fault(answer: Any, hook: Hook[Any, Any]) -> str:
+    """How an answer is of another type than the hook may give; empty where it is not."""
+    if not isinstance(answer, hook.expected):
+        expected = next(iter(get_args(hook.expected)), hook.expected).__name__
+        return f"returned {type(answer).__name__} from `{hook.name}`, not {expected}"
+    if hook.item is not None:
+        for item in answer:
+            if not isinstance(item, hook.item):
+                given = f"a {type(answer).__name__} with a {type(item).__name__}"
+                return f"returned {given} from `{hook.name}`, not {hook.item.__name__}"
+    return ""
