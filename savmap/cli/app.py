@@ -42,9 +42,9 @@ def _command(name: str) -> Any:
     module, _, attribute = COMMANDS[name].target.partition(":")
     target = getattr(import_module(module), attribute)
     if not isinstance(target, typer.Typer):
-        alone = _new_app()
-        alone.command(name)(target)
-        target = alone
+        single = _new_app()
+        single.command(name)(target)
+        target = single
     return typer.main.get_command(target)
 
 

@@ -95,8 +95,8 @@ def label(
         labelled = choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ), console)
     say(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
     say(
-        f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} (LabelMe): "
-        "correct one of them, and train on that one"
+        f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} "
+        "(LabelMe): correct one of them, and train on that one"
     )
 
 
@@ -150,14 +150,17 @@ def score_lines(network: TrainedNetwork) -> Iterator[str]:
     yield first + "".join(f"{name:>12s}" for name in classes) + f"{'mean':>12s}{'calibration error':>20s}"
     for name, files in recipe["scores"].items():
         for when, score in files.items():
-            known = [score["iou"].get(label) for label in classes]
-            mean = sum(filter(None, known)) / max(sum(iou is not None for iou in known), 1)
-            cells = "".join(f"{'-':>12s}" if iou is None else f"{iou:12.3f}" for iou in (*known, mean))
+            ious = [score["iou"].get(label) for label in classes]
+            mean = sum(filter(None, ious)) / max(sum(iou is not None for iou in ious), 1)
+            cells = "".join(f"{'-':>12s}" if iou is None else f"{iou:12.3f}" for iou in (*ious, mean))
             title = f"{name} ({score['pictures']})"
             yield f"{title:24s} {when:8s}{cells}{score['calibration error']:20.4f}"
     yield _calibrated(recipe)
     if len(recipe["scores"]) == 1:
-        yield f"the network and its temperature were chosen by the {VALIDATION} pictures; --held-out SET measures on others"
+        yield (
+            f"the network and its temperature were chosen by the {VALIDATION} pictures; "
+            "--held-out SET measures on others"
+        )
     lost = dict(chain.from_iterable(_lost(name, files) for name, files in recipe["scores"].items()))
     if lost:
         yield "8-bit integers lose " + ", ".join(f"{loss:+.4f} IoU on {name}" for name, loss in lost.items())
@@ -180,20 +183,20 @@ def _lost(name: str, files: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         yield name, sum(after[label] - integers[label] for label in both) / max(len(both), 1)
 
 
-def _elsewhere(one: RoundResult) -> str:
+def _elsewhere(result: RoundResult) -> str:
     """What a round made of other places: whether the network forgets."""
-    if not one.others_before:
+    if not result.others_before:
         return "other places: not measured; "
-    return f"on other places {mean(one.others_before):.3f} before, {mean(one.others_after):.3f} after; "
+    return f"on other places {mean(result.others_before):.3f} before, {mean(result.others_after):.3f} after; "
 
 
 def adapted_lines(adapted: Adapted) -> Iterator[str]:
     """What was learned from what, before and after, and how the network is used."""
-    for one in adapted.rounds:
+    for result in adapted.rounds:
         yield (
-            f"round {one.number}: learned from {one.views} views; on {one.held_out} held out IoU with the map "
-            f"{mean(one.iou_before):.3f} before, {mean(one.iou_after):.3f} after; {_elsewhere(one)}"
-            f"{'kept' if one.kept else 'not kept'}: {one.why}"
+            f"round {result.number}: learned from {result.views} views; on {result.held_out} held out IoU with the map "
+            f"{mean(result.iou_before):.3f} before, {mean(result.iou_after):.3f} after; {_elsewhere(result)}"
+            f"{'kept' if result.kept else 'not kept'}: {result.why}"
         )
     before, after = adapted.iou_before, adapted.iou_after
     if adapted.kept is not None:

@@ -11,6 +11,7 @@ from typing import Any, Generic, ParamSpec, Self, TypeVar, get_args, get_origin,
 import pluggy
 
 from savmap.errors import PluginFailedError, SavmapError, format_error
+from savmap.plugin import trace
 from savmap.plugin.protocol import implements
 from savmap.types import View
 
@@ -53,15 +54,23 @@ class Hook(Generic[P, Answer]):
     """A method of a `HookCaller` that asks its plugin one hook, with the types of the hook's specification.
 
     `expected` is the type of the answer, such as `ViewPlan` or `list[Track]`. `check` takes the answer and, by name,
-    any of the hook's arguments or of the caller's attributes, and raises ValueError with the first fault.
+    any of the hook's arguments or of the caller's attributes, and raises ValueError with the first fault. `default`
+    answers, by the hook's arguments, for a plugin that leaves the hook out or gives None; without it an answer is
+    required.
     """
 
-    def __init__(self, spec: Callable[P, Answer], expected: Any, check: Callable[..., object] | None = None) -> None:
+    def __init__(
+        self,
+        spec: Callable[P, Answer],
+        expected: Any,
+        check: Callable[..., object] | None = None,
+        default: Callable[[Mapping[str, Any]], Answer] | None = None,
+    ) -> None:
         self.name, self.signature = spec.__name__, inspect.signature(spec)
         sequence = get_origin(expected) in (list, tuple)
         self.expected = get_origin(expected) if sequence else expected
         self.item: type | None = get_args(expected)[0] if sequence else None
-        self.check = check
+        self.check, self.default = check, default
         self.checked_with = list(inspect.signature(check).parameters)[1:] if check else []
 
     @overload
@@ -81,7 +90,7 @@ class Hook(Generic[P, Answer]):
 
 @dataclass(frozen=True)
 class HookCaller:
-    """One plugin, and the manager that asks it (and the defaults) and no other.
+    """One plugin, and the manager that asks it and no other.
 
     Each hook is a method with the arguments of its specification. All of them raise PluginFailedError, with the
     plugin's and the hook's name, where the hook raises or ends the program or its answer cannot be used. A SavmapError
@@ -101,8 +110,11 @@ class HookCaller:
         view = arguments.get("view")
         where = f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
         try:
-            with _hook_limit:
+            with _hook_limit, trace.call(f"{self.name}.{hook.name}", arguments) as outcome:
                 answer = getattr(self.manager.hook, hook.name)(**arguments)
+                if answer is None and hook.default is not None:
+                    answer = hook.default(arguments)
+                outcome["answer"] = answer
         except SavmapError:
             raise
         except (Exception, SystemExit) as error:

@@ -5,6 +5,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,8 +85,8 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
         where = f"track `{track.name}`"
         frames = np.asarray(track.frames)
         require(frames.ndim == 1 and frames.dtype.kind in "iu", f"{where}: frames are not whole numbers (n,)")
-        strange = frames[(frames < 0) | (frames >= len(facts.frames))].tolist()
-        require(not strange, f"{where}: no frame {strange[:1]} in the row, which has {len(facts.frames)}")
+        outside = frames[(frames < 0) | (frames >= len(facts.frames))].tolist()
+        require(not outside, f"{where}: no frame {outside[:1]} in the row, which has {len(facts.frames)}")
         unknown = sorted(set(track.views) - set(facts.views))
         require(not unknown, f"{where}: no view `{''.join(unknown[:1])}` in the row")
         require(_finite(track.pixels), f"{where}: a pixel is not finite")
@@ -106,11 +107,11 @@ def check_patches(patches: Sequence[PlanePatch]) -> None:
 
 def check_expected(expected: Sequence[Expected], classes: Sequence[str]) -> None:
     """Outlines of three corners or more, finite, of the plugin's classes."""
-    for number, thing in enumerate(expected):
-        where = f"expected object {number} (`{thing.label}`)"
-        require(thing.label in classes, f"{where}: the plugin has no such class")
-        require(len(thing.outline) >= 3, f"{where}: an outline has three corners or more")
-        require(_finite(thing.outline), f"{where}: a corner is not finite")
+    for number, outlined in enumerate(expected):
+        where = f"expected object {number} (`{outlined.label}`)"
+        require(outlined.label in classes, f"{where}: the plugin has no such class")
+        require(len(outlined.outline) >= 3, f"{where}: an outline has three corners or more")
+        require(_finite(outlined.outline), f"{where}: a corner is not finite")
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
@@ -140,7 +141,7 @@ def check_constraints(constraints: "Constraints", name: str, start: Trajectory) 
         require(fit, f"initial position of `{landmark}`: it is not three finite numbers")
     require(_finite(constraints.measurements.pixels), "a measured pixel is not finite")
     _require_covariances(constraints.measurements.covariances, "measured pixels")
-    for relation in (*constraints.relations, *(one for some in constraints.alternatives.values() for one in some)):
+    for relation in chain(constraints.relations, *constraints.alternatives.values()):
         where = f"relation `{relation.name}`" if relation.name else f"a relation along {relation.axis or 'no axis'}"
         require(_finite((relation.value, relation.sigma)), f"{where}: its value or sigma is not finite")
         require(relation.sigma > 0, f"{where}: its sigma is {relation.sigma}, not positive")
@@ -174,27 +175,31 @@ def check_related(related: Sequence[Structure], structures: Sequence[Structure])
 
 def check_doubts(doubts: Sequence[Doubt], structures: Sequence[Structure]) -> None:
     """Every doubt is about structures that there are."""
-    known = {structure.id for structure in structures}
+    ids = {structure.id for structure in structures}
     for doubt in doubts:
         require(
-            known.issuperset(doubt.structures),
-            f"a doubt about {sorted(set(doubt.structures) - known)}, which is not among the structures",
+            ids.issuperset(doubt.structures),
+            f"a doubt about {sorted(set(doubt.structures) - ids)}, which is not among the structures",
         )
 
 
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:
     """Landmarks of structures that were given, with finite positions."""
-    known = {structure.id for structure in structures}
+    ids = {structure.id for structure in structures}
     _require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
     for landmark in landmarks:
-        require(landmark.id in known, f"landmark `{landmark.id}`: no structure has that id")
+        require(landmark.id in ids, f"landmark `{landmark.id}`: no structure has that id")
         require(_finite(landmark.place), f"landmark `{landmark.id}`: its position is not finite")
         require(_finite(landmark.covariance), f"landmark `{landmark.id}`: its covariance is not finite")
 
 
 def check_score(score: "Score") -> None:
     """Errors that can be averaged. A deviation may be infinite: the structure is spurious."""
-    named = {**score.errors, **score.coordinates, **{name: own.distances_m for name, own in score.apart.items()}}
+    named = {
+        **score.errors,
+        **score.coordinates,
+        **{name: matches.distances_m for name, matches in score.apart.items()},
+    }
     for name, errors in named.items():
         require(_finite(errors), f"an error of `{name}` is not finite")
     for name, deviation in score.deviations.items():
@@ -203,8 +208,8 @@ def check_score(score: "Score") -> None:
 
 def check_survey_entry(entry: "SurveyEntry", structures: Sequence[Structure]) -> None:
     """What goes into a survey file, about structures that were given."""
-    strange = sorted(set(entry.left_out) - {structure.id for structure in structures})
-    require(not strange, f"`{''.join(strange[:1])}` is left out, which was not given")
+    unknown = sorted(set(entry.left_out) - {structure.id for structure in structures})
+    require(not unknown, f"`{''.join(unknown[:1])}` is left out, which was not given")
     require(all(isinstance(key, str) for key in entry.values), "a key of a survey is no text")
     json.dumps(dict(entry.values), allow_nan=False)
 

@@ -73,17 +73,17 @@ def _nothing_gives_no_features(plugin: LoadedPlugin) -> Iterator[str]:
 def _features_fit(plugin: LoadedPlugin) -> Iterator[str]:
     """Whatever a mask looks like, features are of its frame and view and of a class of the plugin, and the same ones
     when it is asked again."""
-    found: list[list[Feature]] = []
+    answers: list[list[Feature]] = []
     for seed in (*range(4), *range(4)):
         detections = [_random_detection(label, seed) for label in plugin.classes]
         try:
-            found.append(plugin.extract_features(_view(SPEC, 7), detections, _panorama(7) if seed % 2 else None))
+            answers.append(plugin.extract_features(_view(SPEC, 7), detections, _panorama(7) if seed % 2 else None))
         except SavmapError as error:
             yield f"extract_features raised on a mask: {error}"
             return
-    if any(feature.label not in plugin.classes for features in found for feature in features):
+    if any(feature.label not in plugin.classes for features in answers for feature in features):
         yield "features must carry a class of the plugin"
-    if packed(found[:4]) != packed(found[4:]):
+    if packed(answers[:4]) != packed(answers[4:]):
         yield "extract_features must give the same for the same view, whatever it was asked before"
 
 

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
-from savmap.plugin import checks, defaults, hookspecs, trace
+from savmap.plugin import checks, hookspecs
 from savmap.plugin.calls import Hook, HookCaller
 from savmap.plugin.protocol import class_faults, implements
 from savmap.types import (
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from savmap.vision.networks.segmenter import Segmenter
 
 GROUP = "savmap.plugins"
+MIN_PIXELS = 12
 notices = logging.getLogger("savmap-plugins")
 
 
@@ -116,6 +117,23 @@ def _is_there(package: str) -> bool:
     return True
 
 
+def _nothing(_: Mapping[str, Any]) -> list[Any]:
+    return []
+
+
+def _no_survey(asked: Mapping[str, Any]) -> SurveyEntry:
+    return SurveyEntry(
+        {}, {structure.id: "its plugin reads no tables or drawings" for structure in asked["structures"]}
+    )
+
+
+def _regions(asked: Mapping[str, Any]) -> list[Detection]:
+    """Connected regions of the network's classes above the thresholds, instance by instance where it tells them
+    from one another."""
+    detections: list[Detection] = asked["segmenter"].detections(asked["view"].image, asked["thresholds"], MIN_PIXELS)
+    return detections
+
+
 @dataclass(frozen=True)
 class LoadedPlugin(HookCaller):
     """One plugin at work, with its config, and the execution providers that its network is to run on (none: the
@@ -131,19 +149,19 @@ class LoadedPlugin(HookCaller):
     render_views = Hook(hookspecs.render_views, ViewPlan, checks.check_view_plan)
     extract_features = Hook(hookspecs.extract_features, list[Feature], checks.check_features)
     track = Hook(hookspecs.track, list[Track], checks.check_tracks)
-    planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches)
-    expect = Hook(hookspecs.expect, list[Expected], checks.check_expected)
-    flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts)
-    relate = Hook(hookspecs.relate, list[Structure], checks.check_related)
-    doubt = Hook(hookspecs.doubt, list[Doubt], checks.check_doubts)
-    openings = Hook(hookspecs.openings, list[Structure], checks.check_structures)
-    places = Hook(hookspecs.places, list[Structure], checks.check_structures)
-    cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks)
-    evaluate = Hook(hookspecs.evaluate, Score, checks.check_score)
-    survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry)
-    draw = Hook(hookspecs.draw, tuple[Drawing, ...], checks.check_drawings)
+    planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches, _nothing)
+    expect = Hook(hookspecs.expect, list[Expected], checks.check_expected, _nothing)
+    flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
+    relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
+    doubt = Hook(hookspecs.doubt, list[Doubt], checks.check_doubts, _nothing)
+    openings = Hook(hookspecs.openings, list[Structure], checks.check_structures, _nothing)
+    places = Hook(hookspecs.places, list[Structure], checks.check_structures, _nothing)
+    cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks, _nothing)
+    evaluate = Hook(hookspecs.evaluate, Score, checks.check_score, lambda _: Score())
+    survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry, _no_survey)
+    draw = Hook(hookspecs.draw, tuple[Drawing, ...], checks.check_drawings, lambda _: ())
     exporters = Hook(hookspecs.exporters, Mapping, checks.check_exporters)
-    _detect = Hook(hookspecs.detect, list[Detection], checks.check_detections)
+    _detect = Hook(hookspecs.detect, list[Detection], checks.check_detections, _regions)
     _describe = Hook(hookspecs.describe, list[Structure], checks.check_structures)
 
     def detect(self, view: View, segmenter: "Segmenter") -> list[Detection]:
@@ -232,24 +250,18 @@ def loaded_plugin(
 ) -> LoadedPlugin:
     """A plugin of a class and validated settings, at work. Raises PluginError for a class that is incomplete."""
     require_complete(name, plugin_class)
-    instance, manager = set_up(name, lambda: plugin_class(settings), hookspecs, defaults)
+    instance, manager = set_up(name, lambda: plugin_class(settings), hookspecs)
     return LoadedPlugin(name, instance, manager, settings, providers)
 
 
-def set_up(
-    name: str, make: Callable[[], Any], specifications: ModuleType, *defaults: ModuleType
-) -> tuple[Any, pluggy.PluginManager]:
-    """An object that `make` gives, and a manager that asks it alone, then the modules of defaults. Raises
-    PluginError."""
+def set_up(name: str, make: Callable[[], Any], specifications: ModuleType) -> tuple[Any, pluggy.PluginManager]:
+    """What `make` gives, and a manager that asks it and no other. Raises PluginError."""
     try:
         instance = make()
         manager = pluggy.PluginManager("savmap")
         manager.add_hookspecs(specifications)
-        for module in defaults:
-            manager.register(module)
         manager.register(instance, name=name)
         manager.check_pending()
-        trace.watch(manager, name)
     except SavmapError:
         raise
     except (Exception, SystemExit) as error:

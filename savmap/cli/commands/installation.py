@@ -40,7 +40,8 @@ def plugin_lines() -> Iterator[str]:
         if name in laboratory:
             yield f"  lab      {laboratory[name].value}"
         if missing := lacking(plugin):
-            yield f"  lacks    {', '.join(missing)}, without which it does less: pip install them, or savmap's extra of its name"
+            names = ", ".join(missing)
+            yield f"  lacks    {names}, without which it does less: pip install them, or savmap's extra of its name"
 
 
 def _network(model: Path) -> str:

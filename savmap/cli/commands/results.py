@@ -117,15 +117,15 @@ def view(
 
     for given in (source, against):
         warn_of_earlier(given)
-    found = api.view(source, survey=survey, against=against, fresh=fresh, show=False)
-    if found.written:
-        say(f"wrote {found.page}")
+    page_view = api.view(source, survey=survey, against=against, fresh=fresh, show=False)
+    if page_view.written:
+        say(f"wrote {page_view.page}")
     if not serve:
-        if not show or not found.open():
-            say(f"open {found.page} in a browser")
+        if not show or not page_view.open():
+            say(f"open {page_view.page} in a browser")
         return
-    with ViewServer(found.page, port) as server:
-        say(f"{server.address} shows {found.page}; Ctrl+C ends it")
+    with ViewServer(page_view.page, port) as server:
+        say(f"{server.address} shows {page_view.page}; Ctrl+C ends it")
         if show:
             webbrowser.open(server.address)
         server.run()
@@ -149,8 +149,8 @@ def export(
     from savmap.maps.map_file import read_map, require_other
     from savmap.plugin.manager import exporters, load_installed
 
-    known = exporters()
-    name = name or format_of(output, known)
+    formats = exporters()
+    name = name or format_of(output, formats)
     site_map = read_map(map_file)
     require_other(output, map_file)
     if row is not None:
@@ -160,7 +160,7 @@ def export(
         if note:
             say(f"note: {note}")
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
-    export_map(site_map, name, output, known, broken)
+    export_map(site_map, name, output, formats, broken)
     say(f"wrote {output}")
     if frame := _frame_of(name, site_map):
         say(f"coordinates are in {frame}")
@@ -178,8 +178,8 @@ def _frame_of(name: str, site_map: "SiteMap") -> str:
     if name in ("geojson", "imdf"):
         return "longitude and latitude (WGS 84)"
     axes = "y up, as glTF has it" if name == "glb" else "z up"
-    own = "" if site_map.alignment else ", which is the map's own, for it is not aligned"
-    return f"the world's frame (metres, {axes}){own}"
+    unaligned = "" if site_map.alignment else ", which is the map's own, for it is not aligned"
+    return f"the world's frame (metres, {axes}){unaligned}"
 
 
 def _say_banner(site_map: "SiteMap") -> None:
@@ -191,7 +191,7 @@ def _say_banner(site_map: "SiteMap") -> None:
 
 def align(
     map_file: MapFile,
-    known: Annotated[
+    places_file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A site file with `align:`, or what stands there alone.")
     ],
     output: Annotated[Path, output_option("The map.json to write.")],
@@ -202,7 +202,7 @@ def align(
     from savmap.maps.map_file import read_map, write_map
 
     notes: list[str] = []
-    site_map = align_map(read_map(map_file), known, notes.append)
+    site_map = align_map(read_map(map_file), places_file, notes.append)
     write_map(site_map, output)
     say(f"wrote {output}")
     for line in (*alignment_lines(site_map), *(f"note: {note}" for note in notes)):
@@ -230,7 +230,8 @@ def find(
         for part in places_within(site_map, hit, places_of(site_map)):
             say(f"  {part}")
     say(
-        f"x, y, z are in {'each' if len(site_map.rows) > 1 else 'the'} {OF_ROW} unless another is named; +- is one standard deviation"
+        f"x, y, z are in {'each' if len(site_map.rows) > 1 else 'the'} {OF_ROW} unless another is named; "
+        "+- is one standard deviation"
     )
     _say_banner(site_map)
 
@@ -246,9 +247,8 @@ def measure(
     from savmap.maps.map_file import read_map
 
     site_map = read_map(the_map(map_file, second))
-    apart = api.measure(site_map, first, second)
-    say(apart)
-    say(
-        f"x, y, z are in {f'the {OF_ROW}' if apart.first.row == apart.second.row else OF_SITE}; +- is one standard deviation"
-    )
+    distance = api.measure(site_map, first, second)
+    say(distance)
+    frame = f"the {OF_ROW}" if distance.first.row == distance.second.row else OF_SITE
+    say(f"x, y, z are in {frame}; +- is one standard deviation")
     _say_banner(site_map)

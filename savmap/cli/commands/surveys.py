@@ -22,7 +22,7 @@ def import_(
             "--map", metavar="MAP", callback=map_of, help="A map.json or its folder, which says where rows stand."
         ),
     ] = None,
-    known: Annotated[
+    alignment: Annotated[
         Path | None,
         typer.Option("--align", metavar="FILE", help="With --map: your world's places, as for `savmap align`."),
     ] = None,
@@ -58,7 +58,7 @@ def import_(
     chosen = _pairs("--columns", [part for text in columns or () for part in text.split(",")])
     result = import_survey(
         files,
-        _map_of(map_file, known),
+        _map_of(map_file, alignment),
         places=place or (),
         columns=chosen,
         labels=_pairs("--layer", layer or ()),
@@ -82,15 +82,15 @@ def _pairs(option: str, texts: Sequence[str]) -> dict[str, str]:
     return {name.strip(): value.strip() for name, _, value in (text.rpartition("=") for text in texts)}
 
 
-def _map_of(map_file: Path | None, known: Path | None) -> "SiteMap | None":
+def _map_of(map_file: Path | None, alignment: Path | None) -> "SiteMap | None":
     """The map, aligned by what is known of the user's world where that is given. Raises SiteError."""
     from savmap.errors import SiteError
     from savmap.jobs.api import align
     from savmap.maps.map_file import read_map
 
-    if known is not None and map_file is None:
-        raise SiteError(f"--align {known}: says where a map stands: give --map, too")
+    if alignment is not None and map_file is None:
+        raise SiteError(f"--align {alignment}: says where a map stands: give --map, too")
     site_map = None if map_file is None else read_map(map_file)
-    if site_map is None or known is None:
+    if site_map is None or alignment is None:
         return site_map
-    return align(site_map, known, lambda note: say(f"note: {note}"))
+    return align(site_map, alignment, lambda note: say(f"note: {note}"))

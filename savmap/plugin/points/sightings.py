@@ -174,15 +174,13 @@ def tracks_along_face(
     frames, x = np.array([feature.frame for feature in anchors], np.int64), np.full(len(anchors), np.inf)
     for name in dict.fromkeys(facts.frames.passes):
         numbers = facts.frames.of_pass(name)
-        own = np.isin(frames, numbers)
+        of_pass = np.isin(frames, numbers)
         positions = _positions([bearings[frames == frame] for frame in numbers], same)
-        place = bearings[own] + positions[np.searchsorted(numbers, frames[own])]
+        place = bearings[of_pass] + positions[np.searchsorted(numbers, frames[of_pass])]
         first = peaks.peaks(place, same, least_frames)[:1]
-        x[own] = place - first if len(first) else np.inf
-    known = np.isfinite(x)
-    return _tracks(
-        features, [own for own, is_known in zip(anchors, known, strict=True) if is_known], x[known], same, least_frames
-    )
+        x[of_pass] = place - first if len(first) else np.inf
+    placed_anchors = np.flatnonzero(np.isfinite(x))
+    return _tracks(features, [anchors[k] for k in placed_anchors], x[placed_anchors], same, least_frames)
 
 
 def _bearing(feature: Feature, facts: RowFacts, attitudes: Floats) -> float | None:
@@ -218,8 +216,8 @@ def _tracks(
         seen.setdefault(_instance(feature), []).append(feature)
     tracks: list[Track] = []
     for number, place in enumerate(places, start=1):
-        own = [anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same]
-        parts = [feature for anchor in own for feature in seen[_instance(anchor)]]
+        near = [anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same]
+        parts = [feature for anchor in near for feature in seen[_instance(anchor)]]
         tracks += [track_of(number, part, group) for part, group in _by_part(parts)]
     return tracks
 

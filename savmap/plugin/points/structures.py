@@ -54,7 +54,7 @@ def point_structures(
     """
     groups = [list(group) for _, group in groupby(sorted(tracks, key=_number), key=_number)]
     structures = [_structure(group, [landmarks[track.name] for track in group], closed) for group in groups]
-    return [own for own in structures if np.sqrt(np.linalg.eigvalsh(own.covariances).max()) < lost_m]
+    return [each for each in structures if np.sqrt(np.linalg.eigvalsh(each.covariances).max()) < lost_m]
 
 
 def with_sizes(
@@ -63,21 +63,18 @@ def with_sizes(
     """Structures of `point_structures` with sizes as attributes, each with its standard deviation: {"height_m":
     ("foot", "top", "y")} is how far the top lies beyond the foot along y. Sizes between parts that one does not have
     are left out."""
-    return [_with_sizes(structure, solution, plugin, sizes) for structure in structures]
-
-
-def _with_sizes(
-    structure: Structure, solution: "Solution", plugin: str, sizes: Mapping[str, tuple[str, str, Axis]]
-) -> Structure:
-    places = dict(zip(structure.vertex_labels, structure.vertices, strict=True))
-    measured: dict[str, Measured] = {}
-    for size, (first, last, axis) in sizes.items():
-        if {first, last} <= places.keys():
-            column = "xyz".index(axis)
-            name, other = (f"{structure.id} / {part}" for part in (first, last))
-            sigma = solution.difference_sigma(plugin, name, other, column)
-            measured[size] = Measured(float(places[last][column] - places[first][column]), sigma)
-    return replace(structure, attributes={**structure.attributes, **measured})
+    sized = []
+    for structure in structures:
+        places = dict(zip(structure.vertex_labels, structure.vertices, strict=True))
+        measured: dict[str, Measured] = {}
+        for size, (first, last, axis) in sizes.items():
+            if {first, last} <= places.keys():
+                column = "xyz".index(axis)
+                name, other = (f"{structure.id} / {part}" for part in (first, last))
+                sigma = solution.difference_sigma(plugin, name, other, column)
+                measured[size] = Measured(float(places[last][column] - places[first][column]), sigma)
+        sized.append(replace(structure, attributes={**structure.attributes, **measured}))
+    return sized
 
 
 def _object(track: Track) -> str:
@@ -140,11 +137,11 @@ def score_points(
     if truth is None:
         return Score()
     mapped = np.array([points(structure) for structure in structures]).reshape(-1, *truth.shape[1:])
-    apart = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
-    pairs = matched(apart.max(axis=-1, initial=0.0), gate_m)
+    separations = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
+    pairs = matched(separations.max(axis=-1, initial=0.0), gate_m)
     wanted, inside = (_between(points, ends_x) for points in (truth, mapped))
     wanted &= np.ones(len(truth), np.bool_) if asked is None else asked
-    hits = {j: apart[i, j] for i, j in pairs.items() if wanted[i]}
+    hits = {j: separations[i, j] for i, j in pairs.items() if wanted[i]}
     spurious = [j for j in range(len(mapped)) if inside[j] and j not in pairs.values()]
     deviations = {structures[j].id: float(distances.max()) for j, distances in hits.items()}
     deviations |= {structures[j].id: float("inf") for j in spurious}

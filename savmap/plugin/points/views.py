@@ -72,10 +72,10 @@ def count_view_plan(
     def whole(view: View) -> int:
         return sum(not touches_border(detection.mask) for detection in predict(view))
 
-    own = manual.get(name, Manual())
-    fitted = fit_count(pass_preview, spec, whole, at_least, manual=own)
+    by_hand = manual.get(name, Manual())
+    fitted = fit_count(pass_preview, spec, whole, at_least, manual=by_hand)
     if fitted.warning:
-        part = fit_count(pass_preview, spec, lambda view: len(predict(view)), 1, manual=own)
+        part = fit_count(pass_preview, spec, lambda view: len(predict(view)), 1, manual=by_hand)
         fitted = fitted if part.warning else replace(fitted, spec=part.spec)
     return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
 

@@ -48,7 +48,8 @@ def require_name(name: str) -> None:
         near = re.sub(r"[^a-z0-9]+", "_", name.lower()).lstrip("_0123456789")[:LONGEST].rstrip("_")
         hint = f", such as `{near}`" if NAME.fullmatch(near) else ""
         raise SiteError(
-            f"plugin name `{name}`: give at most {LONGEST} small letters, digits and single underscores, a letter first{hint}"
+            f"plugin name `{name}`: give at most {LONGEST} small letters, digits and single underscores, "
+            f"a letter first{hint}"
         )
     for word in (name, thing_of(name)):
         if yaml_text.load(word) != word:
@@ -111,7 +112,7 @@ def renamed(text: str, name: str) -> str:
         TEMPLATE_NAME: name,
         "pillar": thing_of(name),
     }
-    return re.sub("|".join(words), lambda found: words[found.group()], text)
+    return re.sub("|".join(words), lambda match: words[match.group()], text)
 
 
 def write_folder(files: Mapping[str, bytes], folder: Path) -> None:

@@ -86,8 +86,8 @@ class Pillars:
             ]
             relations += [door.equal_coordinate(axis, ends["foot"], ends["top"], self.config.plumb_m) for axis in AXES]
             if (height := self.config.height_m) is not None:
-                known = (height.value, height.sigma, f"height of {label}")
-                relations.append(door.known_length("y", ends["foot"], ends["top"], *known))
+                size = (height.value, height.sigma, f"height of {label}")
+                relations.append(door.known_length("y", ends["foot"], ends["top"], *size))
         return door.point_constraints(tracks, facts, start, keys, relations)
 
     @hookimpl
@@ -101,7 +101,9 @@ class Pillars:
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
         """The row across the aisle sees each foot at the same place."""
-        return [door.CrossRowLandmark(own.id, own.label, own.vertices[0], own.covariances[0]) for own in structures]
+        return [
+            door.CrossRowLandmark(each.id, each.label, each.vertices[0], each.covariances[0]) for each in structures
+        ]
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:

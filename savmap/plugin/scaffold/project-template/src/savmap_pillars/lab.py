@@ -1,4 +1,4 @@
-"""Pillars in the laboratory: magenta posts for the simulator unless the scene file says otherwise, with their survey."""
+"""Pillars in the laboratory: posts for the simulator, magenta unless the scene says otherwise, with their survey."""
 
 from collections.abc import Mapping
 from typing import Any
