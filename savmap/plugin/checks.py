@@ -156,7 +156,6 @@ def check_structures(structures: Sequence[Structure]) -> None:
         where = f"structure `{structure.id}`"
         texts = (structure.id, structure.label, *structure.vertex_labels)
         require(all(isinstance(text, str) for text in texts), f"{where}: its id and labels are not all texts")
-        require(all(_is_written(text) for text in texts), f"{where}: its id or a label holds half a character")
         _require_positions(structure, where)
         _require_edges(structure, where)
         if structure.solid is not None:
@@ -230,11 +229,6 @@ def _finite(numbers: object) -> bool:
     return given.dtype.kind != "c" and bool(np.isfinite(given.astype(np.float64)).all())
 
 
-def _is_written(text: str) -> bool:
-    """Whether a text can be written as UTF-8: one with half of a surrogate pair cannot."""
-    return not any("\ud800" <= letter <= "\udfff" for letter in text)
-
-
 def _require_distinct(names: Iterable[str], what: str) -> None:
     name, times = next(iter(Counter(names).most_common(1)), ("", 0))
     require(times <= 1, f"{times} {what} `{name}`")
@@ -295,5 +289,3 @@ def _require_attribute(name: object, value: object, where: str) -> None:
         f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
     )
     require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")
-    texts = [text for text in (name, value) if isinstance(text, str)]
-    require(all(map(_is_written, texts)), f"{where}: attribute {name!a} holds half a character")

@@ -6,15 +6,18 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 import typer
 
-from savmap.cli.app import app, main
+from savmap.cli import main
+from savmap.cli.app import app
 from savmap.cli.commands import COMMANDS
 from savmap.maps.map_file import write_map
 from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Trajectory, Verdict
@@ -22,12 +25,34 @@ from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Trajecto
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
 
-def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "savmap", *(str(argument) for argument in arguments)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+class Ended(NamedTuple):
+    """How a command line ended, and what it printed."""
+
+    code: object
+    out: str
+    err: str
 
 
-@pytest.mark.slow
+Savmap = Callable[..., Ended]
+
+
+@pytest.fixture
+def savmap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Savmap:
+    """Run command lines in a folder of their own."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["savmap", *map(str, arguments)])
+        code: object = 0
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code or 0
+        return Ended(code, *capsys.readouterr())
+
+    return run
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
@@ -71,7 +96,9 @@ def savmap(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]
         (["map", "--frobnicate"], 2, "No such option"),
     ],
 )
-def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[object], code: int, words: str) -> None:
+def test_mistakes_get_one_line_and_their_code(
+    savmap: Savmap, tmp_path: Path, arguments: list[object], code: int, words: str
+) -> None:
     (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
     (tmp_path / "noise.dat").write_bytes(bytes(range(256)))
     (tmp_path / "empty.mp4").touch()
@@ -87,31 +114,25 @@ def test_mistakes_get_one_line_and_their_code(tmp_path: Path, arguments: list[ob
     (tmp_path / "broken.yaml").write_text("rows: [\n}", encoding="utf-8")
     (tmp_path / "points.csv").write_text("id,label,x,y\np,upright,far,1\n", encoding="utf-8")
     before = set(tmp_path.iterdir())
-    result = savmap(*arguments, folder=tmp_path)
+    ended = savmap(*arguments)
     words = words if words != "late.yaml" else "aisle-dev.mp4"
-    assert result.returncode == code, result.stderr
-    assert words in result.stderr.replace("\n", " ")
-    assert "Traceback" not in result.stderr
-    assert len(result.stderr.splitlines()) == 1 or code == 2 or "savmap.log" in {p.name for p in tmp_path.rglob("*")}
+    assert (ended.code, words in ended.err.replace("\n", " ")) == (code, True), ended.err
+    assert len(ended.err.splitlines()) == 1 or code == 2 or "savmap.log" in {p.name for p in tmp_path.rglob("*")}
     assert {path.name for path in set(tmp_path.iterdir()) - before} <= {"out"}
     assert {path.name for path in tmp_path.glob("out/*")} <= {"savmap.log"}
 
 
 @pytest.mark.parametrize("when", ["mapping", "looking for plugins"])
-def test_interrupted_says_so(when: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_interrupted_says_so(when: str, savmap: Savmap, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
     called = {"mapping": "savmap.cli.mapping.map_and_print", "looking for plugins": "savmap.plugin.manager.installed"}
     monkeypatch.setattr(called[when], interrupted)
-    monkeypatch.setattr(sys, "argv", ["savmap", "demo" if when == "mapping" else "unknown"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 130
-    assert capsys.readouterr().err == "savmap: interrupted\n"
+    assert savmap("demo" if when == "mapping" else "unknown") == (130, "", "savmap: interrupted\n")
 
 
-def test_terminated_ends_as_interrupted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_terminated_ends_as_interrupted(savmap: Savmap, monkeypatch: pytest.MonkeyPatch) -> None:
     cleaned = []
 
     def terminated(*_: object) -> None:
@@ -122,11 +143,8 @@ def test_terminated_ends_as_interrupted(monkeypatch: pytest.MonkeyPatch, capsys:
             cleaned.append(True)
 
     monkeypatch.setattr("savmap.cli.mapping.map_and_print", terminated)
-    monkeypatch.setattr(sys, "argv", ["savmap", "demo"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert (end.value.code, cleaned) == (143, [True])
-    assert capsys.readouterr().err == "savmap: terminated\n"
+    assert savmap("demo") == (143, "", "savmap: terminated\n")
+    assert cleaned == [True]
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
@@ -135,7 +153,7 @@ def test_simulate_leaves_nothing_when_it_is_terminated(tmp_path: Path) -> None:
     scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 1024}\nrows: {A: {x: 0.0, z: 0.0}}\n"
     bays = "structures: {shelves: {rows: {A: {bays: [{width: 2.0, beams: [0.2, 1.2]}], height: 3.0}}}}\n"
     (tmp_path / "scene.yaml").write_text(scene + bays, encoding="utf-8")
-    command = [sys.executable, "-c", "from savmap.cli.app import main; main()", "simulate", "scene.yaml", "-o", "made"]
+    command = [sys.executable, "-c", "from savmap.cli import main; main()", "simulate", "scene.yaml", "-o", "made"]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
         for _ in range(600):
             if any(tmp_path.glob(".made-*/footage.mp4")):
@@ -169,7 +187,7 @@ def _one_row() -> SiteMap:
     ],
 )
 def test_interrupted_while_writing_leaves_what_was_there(
-    command: list[str], moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: list[str], moment: str, savmap: Savmap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
@@ -181,34 +199,17 @@ def test_interrupted_while_writing_leaves_what_was_there(
     (tmp_path / "points.csv").write_text(f"id,label,x,y,z\n{points}", encoding="utf-8")
     (tmp_path / command[-1]).write_bytes(b"of yesterday")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(os, moment, interrupted)
-    monkeypatch.setattr(sys, "argv", ["savmap", *command])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert (end.value.code, capsys.readouterr().err) == (130, "savmap: interrupted\n")
+    ended = savmap(*command)
+    assert (ended.code, ended.err) == (130, "savmap: interrupted\n")
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_help_lists_the_commands_in_the_order_of_their_use(tmp_path: Path) -> None:
-    lines = savmap("--help", folder=tmp_path).stdout.partition("Commands:\n")[2].splitlines()
-    first = [
-        "map",
-        "init",
-        "check",
-        "demo",
-        "evaluate",
-        "report",
-        "compare",
-        "view",
-        "export",
-        "align",
-        "import",
-        "find",
-        "measure",
-    ]
-    then = ["plugins", "split", "schema", "simulate", "train", "adapt", "label", "plugin"]
-    assert [line.split()[0] for line in lines if line.strip()] == first + then
+def test_help_lists_the_commands_in_the_order_of_their_use(savmap: Savmap) -> None:
+    lines = savmap("--help").out.partition("Commands:\n")[2].splitlines()
+    assert [line.split()[0] for line in lines] == list(COMMANDS)
+    assert savmap().err == savmap("--help").out
+    assert max(map(len, lines)) <= 80
 
 
 def test_help_needs_nothing_heavy() -> None:
@@ -219,15 +220,19 @@ def test_help_needs_nothing_heavy() -> None:
     assert not {"typer", "rich", "numpy", "pydantic", "pluggy"} & set(done.stderr.split())
 
 
-def test_the_version_is_told(tmp_path: Path) -> None:
-    assert savmap("--version", folder=tmp_path).stdout == f"savmap {metadata.version('savmap')}\n"
-
-
-def test_help_and_plugins_answer(tmp_path: Path) -> None:
-    assert "map" in savmap("--help", folder=tmp_path).stdout
-    listed = savmap("plugins", folder=tmp_path).stdout
+def test_version_and_plugins_answer(savmap: Savmap) -> None:
+    assert savmap("--version").out == f"savmap {metadata.version('savmap')}\n"
+    listed = savmap("plugins").out
     assert "upright, beam" in listed
     assert "lights.int8.onnx" in listed
+    assert "lab      savmap_signs.lab.plugin:SignsLab" in listed
+
+
+def test_the_module_is_run_as_the_script_is(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "savmap", "schema", "sites"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert done.stderr == "savmap: schema sites: there is one for `site` and one for `map`\n"
 
 
 @pytest.mark.parametrize(
@@ -241,35 +246,22 @@ def test_help_and_plugins_answer(tmp_path: Path) -> None:
         ["align", "a" * 5000, "b", "-o", "c"],
     ],
 )
-def test_names_that_no_file_can_have_are_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_names_that_no_file_can_have_are_one_line(savmap: Savmap, arguments: list[str]) -> None:
     Path("loop.yaml").symlink_to("loop.yaml")
-    monkeypatch.setattr(sys, "argv", ["savmap", *arguments])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code in (3, 9)
-    (line,) = capsys.readouterr().err.splitlines()
+    ended = savmap(*arguments)
+    assert ended.code in (3, 9)
+    (line,) = ended.err.splitlines()
     assert line.startswith("savmap: ")
 
 
 @pytest.mark.parametrize(
     "arguments", [["find", "upright 1"], ["export", "--format", "csv", "-o", "a.csv"], ["measure", "a", "b"]]
 )
-def test_a_map_is_named_by_its_folder_too(tmp_path: Path, arguments: list[str]) -> None:
-    (tmp_path / "out").mkdir()
+def test_a_map_is_named_by_its_folder_too(savmap: Savmap, tmp_path: Path, arguments: list[str]) -> None:
     write_map(_one_row(), tmp_path / "out" / "map.json")
-    by_file, by_folder = (
-        savmap(arguments[0], name, *arguments[1:], folder=tmp_path) for name in ("out/map.json", "out")
-    )
-    assert (by_folder.stdout, by_folder.stderr, by_folder.returncode) == (
-        by_file.stdout,
-        by_file.stderr,
-        by_file.returncode,
-    )
-    missing = savmap(arguments[0], ".", *arguments[1:], folder=tmp_path)
-    assert "map.json: cannot be read (no such file" in missing.stderr
+    command, *more = arguments
+    assert savmap(command, "out", *more) == savmap(command, "out/map.json", *more)
+    assert "map.json: cannot be read (no such file" in savmap(command, ".", *more).err
 
 
 @pytest.mark.parametrize(
@@ -281,27 +273,18 @@ def test_a_map_is_named_by_its_folder_too(tmp_path: Path, arguments: list[str]) 
     ],
 )
 def test_the_ending_of_an_exported_file_tells_its_format(
-    output: str, frame: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    output: str, frame: str, savmap: Savmap, tmp_path: Path
 ) -> None:
     write_map(_one_row(), tmp_path / "map.json")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["savmap", "export", "map.json", "-o", output])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert (end.value.code, capsys.readouterr().out) == (0, f"wrote {output}\ncoordinates are in {frame}\n")
+    ended = savmap("export", "map.json", "-o", output)
+    assert ended[:2] == (0, f"wrote {output}\ncoordinates are in {frame}\n")
 
 
-def test_an_export_tells_what_the_file_does_not_show(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_export_tells_what_the_file_does_not_show(savmap: Savmap, tmp_path: Path) -> None:
     site = _one_row()
     doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
     write_map(replace(site, rows={"A": doubted}, failed={"B": "no scale"}), tmp_path / "map.json")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["savmap", "export", "map.json", "-o", "posts.csv"])
-    with pytest.raises(SystemExit):
-        main()
-    assert capsys.readouterr().out.splitlines() == [
+    assert savmap("export", "map.json", "-o", "posts.csv").out.splitlines() == [
         "wrote posts.csv",
         "coordinates are in the row's own frame (metres: x along it to the right, y up, z out of the face)",
         "note: 1 of 2 rows could not be mapped: B; 1 of 2 rows must be checked: A (`savmap view`, report.html)",
@@ -312,75 +295,51 @@ def test_an_export_tells_what_the_file_does_not_show(
 @pytest.mark.parametrize(
     "command", [["find", "map.json", "post 1"], ["measure", "map.json", "post 1 / 0", "post 1 / 1"]]
 )
-def test_figures_name_their_frame_and_rows_to_check(
-    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_figures_name_their_frame_and_rows_to_check(command: list[str], savmap: Savmap, tmp_path: Path) -> None:
     site = _one_row()
     doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
     write_map(replace(site, rows={"A": doubted}), tmp_path / "map.json")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["savmap", *command])
-    with pytest.raises(SystemExit) as end:
-        main()
-    *_, line, note = capsys.readouterr().out.splitlines()
+    ended = savmap(*command)
+    *_, line, note = ended.out.splitlines()
+    assert ended.code == 0
     assert note == "note: 1 of 1 row must be checked: A (`savmap view`, report.html)"
-    assert (end.value.code, line.startswith("x, y, z are in the row's own frame (metres: x along it")) == (0, True), (
-        line
-    )
+    assert line.startswith("x, y, z are in the row's own frame (metres: x along it")
 
 
-@pytest.mark.parametrize("name", [*COMMANDS, "plugin new"])
-def test_no_output_goes_to_the_terminal(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command = typer.main.get_command(app)
-    for part in name.split():
-        command = command.commands[part]  # type: ignore[attr-defined]
-    if not any("-o" in option.opts for option in command.params):
-        pytest.skip("has no -o")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["savmap", *name.split(), "-o", "-", "a", "b"])
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 3
-    assert capsys.readouterr().err == "savmap: -o -: nothing is written to the terminal; give a file or a folder\n"
+def test_no_output_goes_to_the_terminal(savmap: Savmap, tmp_path: Path) -> None:
+    commands: Any = typer.main.get_command(app)
+    with_output = [[name] for name, command in commands.commands.items() if _has_output(command)]
+    assert len(with_output) > 10
+    for names in [*with_output, ["plugin", "new"]]:
+        refusal = "savmap: -o -: nothing is written to the terminal; give a file or a folder\n"
+        assert savmap(*names, "-o", "-", "a", "b") == (3, "", refusal), names
     assert list(tmp_path.iterdir()) == []
 
 
-def test_align_writes_the_map_where_it_stands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def _has_output(command: Any) -> bool:
+    return any("-o" in option.opts for option in command.params)
+
+
+def test_align_writes_the_map_where_it_stands(savmap: Savmap) -> None:
     empty = {"trajectory": [], "views": {}, "structures": {}, "references": [], "report": {}}
     content = {"format": "savmap-map", "version": 1, "units": "m", "made_by": {}, "rows": {"A": empty}}
     Path("map.json").write_text(json.dumps(content), encoding="utf-8")
     Path("align.yaml").write_text("x_m: 1.5\ny_m: 2\nheading_deg: 90\n", encoding="utf-8")
-    monkeypatch.setattr(sys, "argv", ["savmap", "align", "map.json", "align.yaml", "-o", "new/aligned.json"])
-    with pytest.raises(SystemExit):
-        main()
-    lines = capsys.readouterr().out.splitlines()
+    command = ["align", "map.json", "align.yaml", "-o", "new/aligned.json"]
+    lines = savmap(*command).out.splitlines()
     assert lines[0] == "wrote new/aligned.json"
     assert lines[1].startswith("the site in your world: x 1.500, y 2.000, z 0.000 m, heading 90.000 degrees")
     assert json.loads(Path("new/aligned.json").read_text(encoding="utf-8"))["aligned"]["heading_deg"] == 90.0
     Path("align.yaml").write_text(
         "align: {points: [{at: a, world_m: [1, 2]}, {at: b, world_m: [1, 2]}]}", encoding="utf-8"
     )
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 3
-    assert capsys.readouterr().err == "savmap: align.yaml:1: `align.points[0]`: row A has no `a`\n"
+    assert savmap(*command) == (3, "", "savmap: align.yaml:1: `align.points[0]`: row A has no `a`\n")
 
 
 @pytest.mark.parametrize("arguments", [["map", "pipe.yaml"], ["evaluate", "pipe.yaml", "x"], ["report", "pipe.yaml"]])
-def test_pipes_are_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_pipes_are_refused_in_one_line(savmap: Savmap, arguments: list[str]) -> None:
     os.mkfifo("pipe.yaml")
-    monkeypatch.setattr(sys, "argv", ["savmap", *arguments])
-    with pytest.raises(SystemExit):
-        main()
-    assert "is a device or a pipe, not a file" in capsys.readouterr().err
+    assert "is a device or a pipe, not a file" in savmap(*arguments).err
 
 
 @pytest.mark.parametrize(
@@ -415,8 +374,8 @@ def test_pipes_are_refused_in_one_line(
     ],
 )  # fmt: skip
 def test_wrong_uses_of_a_map_write_nothing(
-    command: list[str], code: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:  # fmt: skip
+    command: list[str], code: int, words: str, savmap: Savmap, tmp_path: Path
+) -> None:
     write_map(_one_row(), tmp_path / "map.json")
     (tmp_path / "link.csv").symlink_to("map.json")
     (tmp_path / "survey.json").write_text('{"format": "savmap-survey", "rows": {}}')
@@ -424,11 +383,7 @@ def test_wrong_uses_of_a_map_write_nothing(
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").touch()
     before = {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["savmap", *command])
-    with pytest.raises(SystemExit) as end:
-        main()
-    said = capsys.readouterr().err
-    assert (end.value.code, words in said) == (code, True), said
-    assert len(said.splitlines()) == 1 or code == 2
+    ended = savmap(*command)
+    assert (ended.code, words in ended.err) == (code, True), ended.err
+    assert len(ended.err.splitlines()) == 1 or code == 2
     assert {path.name: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")} == before
