@@ -1,22 +1,21 @@
-"""A plugin that fails: named where it fails, and, if the site file wants so, without harm to what others map. And the trace of it all."""
+"""A plugin that fails: named where it fails, and, if the site file wants so, without harm to what others map. And the
+trace of it all."""
 
 import json
 import os
 import pickle
-import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
-import pluggy
 import pytest
 
 from savmap.cli.mapping import map_and_print
 from savmap.errors import PluginError, PluginFailedError, PluginsLeftOutError, RowsFailedError
 from savmap.plugin.isolation import failures_gathered, isolated
-from savmap.plugin.manager import open_plugin
 from savmap.plugin.scaffold.stub import stub_network
 from savmap.report.site_report import plugins_of_map
 from savmap.site.job import job_for
@@ -24,9 +23,20 @@ from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
 pytestmark = pytest.mark.slow
 
-IN_A_ROW = ("render_views", "detect", "extract_features", "track", "constrain", "describe")
-AFTERWARDS = ("evaluate", "draw")
 FRAMES = 8
+HOOKS = ("render_views", "detect", "extract_features", "track", "constrain", "describe", "relate")
+WAYS: dict[str, dict[str, Any]] = {
+    "A": {},
+    **{name: {"fails_in": hook} for name, hook in zip("BCDEFGH", HOOKS, strict=True)},
+    "I": {"fails_in": "track by exit"},
+    "J": {"fails_in": "track by nan"},
+    "K": {"fails_in": "detect", "looks": True},
+}
+"""By row: how `bad` fails in it. In the last one it refuses to go on because it failed."""
+SAYS = {
+    "I": "failed in `track`: SystemExit: 0",
+    "J": "returned what cannot be used from `track`: track `bad 0`: a pixel is not finite",
+}
 PLUGINS = '''
 import os
 import time
@@ -76,7 +86,8 @@ class Good:
     @hookimpl
     def render_views(self, pass_preview, predict):
         self.may("render_views")
-        if self.config.looks and not predict(pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))):
+        first = pass_preview.renderer.render(pass_preview.keys[0], ViewSpec("first", 0.0))
+        if self.config.looks and not predict(first):
             raise StructureError("nothing is seen")
         spec = ViewSpec(self.name, 0.0, hfov_deg=110.0, width=160, height=120)
         return ViewPlan((spec,), LEVEL if self.finds_face else None, 1 if self.finds_face else 0)
@@ -197,136 +208,110 @@ def _installed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "made_up_plugins", raising=False)
 
 
-def site(place: Path, folder: Path, mode: str, bad: str, rows: str = "A", scored: bool = False) -> Path:
-    """A site file whose plugins fail in the hooks that are named."""
+Ways = Mapping[str, Mapping[str, Any]]
+
+
+def site(place: Path, folder: Path, mode: str, bad: Ways, good: Ways | None = None, **more: Any) -> Path:
+    """A site file with settings of the plugins by row, which say how they fail."""
     content = {
         "on_plugin_error": mode,
-        "survey": str(place / "survey.json") if scored else None,
         "references": {"camera_height_m": {"value": 1.5}, "travel_m": 2.8},
         "plugins": {"good": {}, "bad": {}},
         "rows": {
             name: {
                 "passes": [{"video": str(place / "pictures"), "fps": 30.0 * (1 + number), "side": "left"}],
-                "plugins": {"bad": {"fails_in": bad if name == "A" else ""}},
+                "plugins": {"bad": dict(bad[name]), "good": dict((good or {}).get(name, {}))},
             }
-            for number, name in enumerate(rows)
+            for number, name in enumerate(bad)
         },
+        **more,
     }
     path = folder / "site.yaml"
     path.write_text(json.dumps(content), encoding="utf-8")
     return path
 
 
-def mapped(path: Path, out: Path, jobs: int = 0) -> dict[str, Any]:
-    """The rows of map.json after a run; the run's error is raised."""
-    try:
-        map_and_print(job_for(path, None, out), jobs)
-    finally:
-        rows = json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"] if (out / "map.json").exists() else {}
-    return dict(rows)
+def run(path: Path, out: Path, jobs: int = 0) -> None:
+    map_and_print(job_for(path, None, out), jobs)
+
+
+def failed_rows(out: Path) -> dict[str, str]:
+    return dict(json.loads((out / "map.json").read_text(encoding="utf-8"))["failed"])
 
 
 def structures(out: Path, row: str, plugin: str) -> list[Any]:
     return list(json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"][row]["structures"][plugin])
 
 
-def test_nothing_fails_where_nothing_fails(place: Path, tmp_path: Path) -> None:
-    mapped(site(place, tmp_path, "fail", ""), tmp_path / "out")
-    for plugin in ("good", "bad"):
-        assert len(structures(tmp_path / "out", "A", plugin)) == 12
+def says_of(name: str) -> str:
+    return "plugin `bad` " + (SAYS.get(name) or f"failed in `{WAYS[name]['fails_in']}`: RuntimeError: oh")
 
 
-@pytest.mark.parametrize("hook", IN_A_ROW)
-def test_a_row_is_mapped_without_the_plugin_that_fails_in_it(place: Path, tmp_path: Path, hook: str) -> None:
+def test_rows_are_mapped_without_the_plugin_that_fails_in_them(place: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    path = site(place, tmp_path, "skip", hook)
     with pytest.raises(PluginsLeftOutError, match=r"mapped without plugins that failed: bad; .*savmap\.log") as caught:
-        mapped(path, out)
+        run(site(place, tmp_path, "skip", WAYS), out)
     assert caught.value.exit_code == 11
-    assert structures(out, "A", "bad") == []
-    assert len(structures(out, "A", "good")) == 12
-    row = json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"]["A"]
-    wanted = f"plugin `bad` failed in `{hook}`"
-    assert [note for key, note in row["report"].items() if key.startswith("note") and wanted in note]
-    assert wanted in json.loads((out / "run.json").read_text(encoding="utf-8"))["rows"]["A"]["plugins_failed"]["bad"]
-    log = (out / "savmap.log").read_text(encoding="utf-8")
-    assert wanted in log
+    rows = json.loads((out / "map.json").read_text(encoding="utf-8"))["rows"]
+    runs = json.loads((out / "run.json").read_text(encoding="utf-8"))["rows"]
+    log, page = ((out / name).read_text(encoding="utf-8") for name in ("savmap.log", "report.html"))
     assert "Traceback" in log
-    assert wanted in (out / "report.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("how", "says"),
-    [
-        ("track by exit", "failed in `track`: SystemExit: 0"),
-        ("describe by exit", "failed in `describe`: SystemExit: 0"),
-        ("track by nan", "returned what cannot be used from `track`: track `bad 0`: a pixel is not finite"),
-    ],
-)
-def test_a_row_is_mapped_without_a_plugin_that_exits_or_answers_nan(
-    place: Path, tmp_path: Path, how: str, says: str
-) -> None:
-    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
-        mapped(site(place, tmp_path, "skip", how), tmp_path / "out")
-    assert structures(tmp_path / "out", "A", "bad") == []
-    assert len(structures(tmp_path / "out", "A", "good")) == 12
-    assert f"plugin `bad` {says}" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
-    with pytest.raises(PluginFailedError, match=f"plugin `bad` {says}"):
-        mapped(site(place, tmp_path, "fail", how), tmp_path / "fail")
-
-
-def test_a_hook_that_ends_its_process_fails_its_row(place: Path, tmp_path: Path) -> None:
-    """By dying in one row, and by taking longer than the limit in another; a process in which all goes well goes on."""
-    path = site(place, tmp_path, "fail", "track by ending the process", rows="ABC")
-    content = json.loads(path.read_text(encoding="utf-8"))
-    content["plugin_timeout_s"] = 8  # any hook may be slow on a busy machine
-    content["rows"]["B"]["plugins"]["bad"] = {"fails_in": "describe by sleeping"}
-    path.write_text(json.dumps(content), encoding="utf-8")
-    with pytest.raises(RowsFailedError) as caught:
-        mapped(path, tmp_path / "out", jobs=2)
-    assert caught.value.exit_code == 10
-    site_map = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
-    assert list(site_map["rows"]) == ["C"]
-    says = "its process ended before it was {}: out of memory, killed, crashed, or plugin_timeout_s in a hook"
-    assert site_map["failed"] == {"A": says.format("solved"), "B": says.format("solved")}
+    assert list(rows) == list(WAYS)
+    for name, way in WAYS.items():
+        assert len(structures(out, name, "good")) == 12
+        assert len(structures(out, name, "bad")) == (12 if name in "AH" else 0)
+        if way:
+            notes = " ".join(note for key, note in rows[name]["report"].items() if key.startswith("note"))
+            start, _, end = says_of(name).partition(":")
+            for text in (notes, runs[name]["plugins_failed"]["bad"], log):
+                assert start in text
+                assert end in text
+            assert start in page
 
 
 def test_structures_stay_where_only_their_relations_fail(place: Path, tmp_path: Path) -> None:
     with pytest.raises(PluginsLeftOutError):
-        mapped(site(place, tmp_path, "skip", "relate"), tmp_path / "out")
+        run(site(place, tmp_path, "skip", {"H": WAYS["H"]}), tmp_path / "out")
     for plugin, related in (("good", {"related": True}), ("bad", {})):
-        found = structures(tmp_path / "out", "A", plugin)
-        assert len(found) == 12
-        assert all({**one["attributes"], "support": 1.0} == {**related, "support": 1.0} for one in found)
+        attributes = [structure["attributes"] for structure in structures(tmp_path / "out", "H", plugin)]
+        assert [{**each, "support": 1.0} for each in attributes] == [{**related, "support": 1.0}] * 12
 
 
-def test_what_a_plugin_refuses_because_it_failed_ends_no_row(place: Path, tmp_path: Path) -> None:
-    """Its network's answers fail while it looks for its views, and so it sees nothing."""
-    path = site(place, tmp_path, "skip", "detect")
-    content = json.loads(path.read_text(encoding="utf-8"))
-    content["plugins"]["bad"]["looks"] = True
-    path.write_text(json.dumps(content), encoding="utf-8")
-    with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
-        mapped(path, tmp_path / "out")
-    assert len(structures(tmp_path / "out", "A", "good")) == 12
-    assert "plugin `bad` failed in `detect`" in (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
+def test_otherwise_rows_fail_and_their_errors_name_plugin_and_hook(place: Path, tmp_path: Path) -> None:
+    with pytest.raises(RowsFailedError):
+        run(site(place, tmp_path, "fail", WAYS), tmp_path / "out")
+    failed = failed_rows(tmp_path / "out")
+    assert list(failed) == list(WAYS)[1:]
+    for name, text in failed.items():
+        start, _, end = says_of(name).partition(":")
+        assert start in text
+        assert end in text
+    with pytest.raises(PluginFailedError, match="plugin `bad` failed in `track`: RuntimeError: oh") as caught:
+        run(site(place, tmp_path, "fail", {"E": WAYS["E"]}), tmp_path / "alone")
+    assert (caught.value.exit_code, caught.value.plugin, caught.value.hook) == (5, "bad", "track")
 
 
-@pytest.mark.parametrize("hook", [*IN_A_ROW, "relate"])
-def test_otherwise_the_row_fails_and_its_error_names_plugin_and_hook(place: Path, tmp_path: Path, hook: str) -> None:
-    with pytest.raises(PluginFailedError, match=f"plugin `bad` failed in `{hook}`.*: RuntimeError: oh") as caught:
-        mapped(site(place, tmp_path, "fail", hook), tmp_path / "out")
-    assert (caught.value.exit_code, caught.value.plugin, caught.value.hook) == (5, "bad", hook)
+def test_a_hook_that_ends_its_process_fails_its_row(place: Path, tmp_path: Path) -> None:
+    """By dying in one row, and by taking longer than the limit in another; a process in which all goes well goes on."""
+    ways: Ways = {"A": {"fails_in": "track by ending the process"}, "B": {"fails_in": "describe by sleeping"}, "C": {}}
+    path = site(place, tmp_path, "fail", ways, plugin_timeout_s=8)  # any hook may be slow on a busy machine
+    with pytest.raises(RowsFailedError) as caught:
+        run(path, tmp_path / "out", jobs=2)
+    assert caught.value.exit_code == 10
+    site_map = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
+    assert list(site_map["rows"]) == ["C"]
+    says = "its process ended before it was solved: out of memory, killed, crashed, or plugin_timeout_s in a hook"
+    assert site_map["failed"] == {"A": says, "B": says}
 
 
-@pytest.mark.parametrize("hook", AFTERWARDS)
+@pytest.mark.parametrize("hook", ["evaluate", "draw"])
 def test_a_map_is_written_scored_and_drawn_without_a_plugin_that_fails_then(
     place: Path, tmp_path: Path, hook: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("bad_fails_in", hook)
     out = tmp_path / "out"
     with pytest.raises(PluginsLeftOutError, match="plugins that failed: bad"):
-        mapped(site(place, tmp_path, "skip", "", scored=True), out)
+        run(site(place, tmp_path, "skip", {"A": {}}, survey=str(place / "survey.json")), out)
     assert f"plugin `bad` failed in `{hook}`" in (out / "savmap.log").read_text(encoding="utf-8")
     assert len(structures(out, "A", "bad")) == 12
     assert (out / "report.html").exists()
@@ -348,22 +333,19 @@ def test_rows_are_put_together_without_what_a_plugin_shares_that_fails_then(
 
 
 def test_a_row_that_needs_the_plugin_fails_and_says_so_and_other_rows_do_not(place: Path, tmp_path: Path) -> None:
-    path = site(place, tmp_path, "skip", "", rows="AB")
-    content = json.loads(path.read_text(encoding="utf-8"))
-    content["rows"]["A"]["plugins"]["good"] = {"fails_in": "render_views"}
-    path.write_text(json.dumps(content), encoding="utf-8")
+    path = site(place, tmp_path, "skip", {"A": {}, "B": {}}, good={"A": {"fails_in": "render_views"}})
     with pytest.raises(RowsFailedError):
-        mapped(path, tmp_path / "out")
-    site_map = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
-    assert list(site_map["rows"]) == ["B"]
-    assert "plugin `good` failed in `render_views`: RuntimeError: oh; without it" in site_map["failed"]["A"]
+        run(path, tmp_path / "out")
+    assert len(structures(tmp_path / "out", "B", "good")) == 12
+    (text,) = failed_rows(tmp_path / "out").values()
+    assert "plugin `good` failed in `render_views`: RuntimeError: oh; without it" in text
 
 
 def test_what_lacks_a_plugin_is_not_kept(place: Path, tmp_path: Path) -> None:
-    path = site(place, tmp_path, "skip", "track", rows="AB")
+    path = site(place, tmp_path, "skip", {"A": WAYS["E"], "B": {}})
     for _ in range(2):
         with pytest.raises(PluginsLeftOutError):
-            mapped(path, tmp_path / "out")
+            run(path, tmp_path / "out")
     rows = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))["rows"]
     assert {name: row["status"] for name, row in rows.items()} == {"A": "mapped", "B": "kept"}
 
@@ -375,44 +357,19 @@ def test_an_error_comes_back_whole_from_another_process() -> None:
     assert error.hook == "track"
 
 
-def test_calls_are_traced_in_other_processes_too(place: Path, tmp_path: Path) -> None:
-    path = site(place, tmp_path, "skip", "describe", rows="AB")
-    command = [
-        sys.executable,
-        "-c",
-        "from savmap.cli.app import main; main()",
-        "map",
-        str(path),
-        "-o",
-        "out",
-        "--jobs",
-        "2",
-    ]
-    paths = os.pathsep.join([str(place / "packages"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
-    done = subprocess.run(
-        command,
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": paths, "SAVMAP_TRACE": "1"},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 11, done.stderr
-    log = (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8")
-    for text in (done.stderr, log):
+def test_calls_are_traced_in_other_processes_too(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SAVMAP_TRACE", "1")
+    paths = [str(place / "packages"), *os.environ.get("PYTHONPATH", "").split(os.pathsep)]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    with pytest.raises(PluginsLeftOutError):
+        run(site(place, tmp_path, "skip", {"A": WAYS["G"], "B": {}}), tmp_path / "out", jobs=2)
+    log, printed = (tmp_path / "out" / "savmap.log").read_text(encoding="utf-8"), capfd.readouterr().err
+    for text in (printed, log):
         assert "trace: good.extract_features [row A, frame 3, pass 1 / good]: " in text
         assert "trace: good.track [row B]: " in text
         assert "12 Track" in text
         assert "trace: bad.describe [row A]: " in text
         assert "raised RuntimeError: oh" in text
-    assert log.count("trace: good.track [row B]: ") == done.stderr.count("trace: good.track [row B]: ") == 1
-
-
-def test_without_a_trace_nothing_is_in_the_calls_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = pluggy.PluginManager("savmap")
-    for value in (None, "", "0"):
-        monkeypatch.delenv("SAVMAP_TRACE", raising=False)
-        if value is not None:
-            monkeypatch.setenv("SAVMAP_TRACE", value)
-        assert open_plugin("good", {}).manager._inner_hookexec == plain._inner_hookexec
-    monkeypatch.setenv("SAVMAP_TRACE", "1")
-    assert open_plugin("good", {}).manager._inner_hookexec != plain._inner_hookexec
+    assert log.count("trace: good.track [row B]: ") == printed.count("trace: good.track [row B]: ") == 1
