@@ -40,7 +40,7 @@ class IsolatedPlugin(LoadedPlugin):
             except SavmapError:
                 if not self.failures:
                     raise
-        return list(arguments["structures"]) if hook.name == "relate" else nothing(hook.expected, self.name)
+        return _nothing(hook, arguments, self.name)
 
     def _failed(self, error: PluginFailedError) -> None:
         self.failures.append(error)
@@ -88,10 +88,12 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
     return PluginError(f"{'; '.join(failures.values())}; without it the row cannot be mapped: {error}")
 
 
-def nothing(expected: type, plugin: str) -> Any:
+def _nothing(hook: Hook[Any, Any], arguments: Mapping[str, Any], plugin: str) -> Any:
     """The answer of a hook that says there is nothing."""
-    from savmap.graph import Constraints, image_measurements  # gtsam takes long to import
+    if hook.default is not None and hook.name != "detect":  # whose default asks the network
+        return hook.default(arguments)
+    if hook.name == "constrain":
+        from savmap.graph import Constraints, image_measurements  # gtsam takes long to import
 
-    if expected is Constraints:
         return Constraints(plugin, {}, image_measurements([], {}, {}), (), {})
-    return ViewPlan(()) if expected is ViewPlan else expected()
+    return ViewPlan(()) if hook.expected is ViewPlan else hook.expected()

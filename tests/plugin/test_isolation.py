@@ -219,7 +219,7 @@ def site(place: Path, folder: Path, mode: str, bad: Ways, good: Ways | None = No
         "plugins": {"good": {}, "bad": {}},
         "rows": {
             name: {
-                "passes": [{"video": str(place / "pictures"), "fps": 30.0 * (1 + number), "side": "left"}],
+                "passes": [{"video": str(place / "pictures"), "fps": 30.0 + number, "side": "left"}],
                 "plugins": {"bad": dict(bad[name]), "good": dict((good or {}).get(name, {}))},
             }
             for number, name in enumerate(bad)
