@@ -37,7 +37,7 @@ from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
 from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for
 from savmap.report.viewer import View, write_view
-from savmap.report.viewer.beside import PARTS, script_names
+from savmap.report.viewer.page import PARTS, script_names
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.report.numbers import fixed
-from savmap.report.scene import Figure, Label, Layer, Shape, plain, ticks
+from savmap.report.scene import Figure, Label, Layer, Shape, round_number, ticks
 from savmap.types import Evaluation, Floats, pool
 
 _COLUMN, _LEFT, _TOP, _HEIGHT, _BELOW, _HALF = 130, 60, 14, 300, 52, 32
@@ -35,9 +35,8 @@ class Box:
 
     def __str__(self) -> str:
         """Its numbers in words."""
-        median, mean, first, third, low, high = (
-            fixed(value, 2, True) for value in (self.median, self.mean, self.first, self.third, self.low, self.high)
-        )
+        figures = (self.median, self.mean, self.first, self.third, self.low, self.high)
+        median, mean, first, third, low, high = (fixed(value, 2, True) for value in figures)
         return f"median {median}, mean {mean}, quartiles {first} and {third}, whiskers {low} and {high}"
 
 
@@ -64,14 +63,20 @@ def box_plot(evaluation: Evaluation) -> Figure | None:
         _column(_LEFT + _COLUMN * k + _COLUMN // 2, errors_cm[name], box, scale)
         for k, (name, box) in enumerate(boxes.items())
     ]
+    values = ticks(scale.low, scale.high, 12)
+    grid = [Layer("grid", (Shape("".join(f"M{_LEFT} {scale(value)}H{width}" for value in values)),))]
+    if scale.low < 0 < scale.high:
+        grid.append(Layer("floor", (Shape(f"M{_LEFT} {scale(0)}H{width}"),)))
+    numbers = [Label(_LEFT - 6, scale(value), round_number(value), "scale", dy=0.35) for value in values]
+    words = "; ".join(f"{name}: {box}" for name, box in boxes.items())
     styles = ("measure", "whisker", "box", "median", "mean")
     return Figure(
         id="box-plot",
         title="Errors by class over all rows: truth \u2212 estimate, cm",
-        description=f"Truth minus estimate in centimetres. {'; '.join(f'{name}: {box}' for name, box in boxes.items())}.",
+        description=f"Truth minus estimate in centimetres. {words}.",
         frame=(0, 0, width, _BOTTOM + _BELOW),
-        layers=(*_grid(scale, width), *(Layer(style, tuple(column[style] for column in columns)) for style in styles)),
-        labels=(*_scale_labels(scale), *_class_labels(errors_cm, scale)),
+        layers=(*grid, *(Layer(style, tuple(column[style] for column in columns)) for style in styles)),
+        labels=(*numbers, *_class_labels(errors_cm, scale)),
         legend=_LEGEND,
     )
 
@@ -117,18 +122,8 @@ def _dots(middle: int, errors_cm: Floats, y: Scale) -> str:
     shown = np.sort(errors_cm[(errors_cm >= y.low) & (errors_cm <= y.high)])
     if len(shown) > _MOST_DOTS:
         shown = shown[np.linspace(0, len(shown) - 1, _MOST_DOTS).astype(int)]
-    aside = np.random.default_rng(0).uniform(-16, 16, len(shown))
-    return "".join(f"M{round(middle + shift)} {y(value)}h0" for value, shift in zip(shown, aside, strict=True))
-
-
-def _grid(y: Scale, width: int) -> list[Layer]:
-    lines = "".join(f"M{_LEFT} {y(value)}H{width}" for value in ticks(y.low, y.high, 12))
-    zero = [Layer("floor", (Shape(f"M{_LEFT} {y(0)}H{width}"),))] if y.low < 0 < y.high else []
-    return [Layer("grid", (Shape(lines),)), *zero]
-
-
-def _scale_labels(y: Scale) -> list[Label]:
-    return [Label(_LEFT - 6, y(value), plain(value), "scale", dy=0.35) for value in ticks(y.low, y.high, 12)]
+    shifts = np.random.default_rng(0).uniform(-16, 16, len(shown))
+    return "".join(f"M{round(middle + shift)} {y(value)}h0" for value, shift in zip(shown, shifts, strict=True))
 
 
 def _class_labels(errors_cm: Mapping[str, Floats], y: Scale) -> list[Label]:

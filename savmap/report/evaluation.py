@@ -50,7 +50,7 @@ def evaluate_site(site: SiteMap, survey: Survey, score: ScoreHook) -> Evaluation
         {name: pool(parts.values()) for name, parts in scores.items()},
         not_mapped,
         tuple(name for name in site.rows if name not in survey.rows),
-        {name: {plugin: one.deviations for plugin, one in parts.items()} for name, parts in scores.items()},
+        {name: {plugin: part.deviations for plugin, part in parts.items()} for name, parts in scores.items()},
     )
 
 
@@ -119,17 +119,17 @@ def _row_scores(row: RowMap, surveyed: Mapping[str, Any], score: ScoreHook) -> d
     moved there."""
     try:
         scores = {plugin: score(row.name, plugin, group, surveyed) for plugin, group in row.structures.items()}
-        begins_m = next((one.begins_m for one in scores.values() if one.begins_m), 0.0)
+        begins_m = next((part.begins_m for part in scores.values() if part.begins_m), 0.0)
         return {
-            plugin: one if one.begins_m == begins_m else score(row.name, plugin, _moved(group, begins_m), surveyed)
-            for (plugin, group), one in zip(row.structures.items(), scores.values(), strict=True)
+            plugin: part if part.begins_m == begins_m else score(row.name, plugin, _moved(group, begins_m), surveyed)
+            for (plugin, group), part in zip(row.structures.items(), scores.values(), strict=True)
         }
     except OutputError as error:
         raise OutputError(f"row {row.name}: {error}") from error
 
 
 def _moved(structures: Sequence[Structure], x_m: float) -> list[Structure]:
-    return [replace(one, vertices=one.vertices + np.array([x_m, 0.0, 0.0])) for one in structures]
+    return [replace(structure, vertices=structure.vertices + np.array([x_m, 0.0, 0.0])) for structure in structures]
 
 
 def _statistics_json(errors: Floats) -> Fragment:

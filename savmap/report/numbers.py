@@ -41,8 +41,8 @@ def anchors(names: Iterable[str]) -> dict[str, str]:
     """For each name an id of letters, digits and dashes that no other name has."""
     ids: dict[str, str] = {}
     for name in names:
-        plain = "row-" + (re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:40] or "x")
-        candidates = (plain if k == 1 else f"{plain}-{k}" for k in range(1, len(ids) + 2))
+        anchor = "row-" + (re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:40] or "x")
+        candidates = (anchor if k == 1 else f"{anchor}-{k}" for k in range(1, len(ids) + 2))
         ids[name] = next(candidate for candidate in candidates if candidate not in ids.values())
     return ids
 

@@ -44,7 +44,10 @@ def photo_view(
     return Figure(
         id=f"{anchor}-photo",
         title=f"Row {row}: orthophoto",
-        description=f"The face of the row as all frames show it, without perspective, {width / MM:.1f} m by {height / MM:.1f} m.",
+        description=(
+            "The face of the row as all frames show it, without perspective, "
+            f"{width / MM:.1f} m by {height / MM:.1f} m."
+        ),
         frame=frame,
         layers=_over_photo(layers(shown, hints or {}, projection)),
         axes=("x", "y", -1),
@@ -83,7 +86,9 @@ def overlay_text(row: str, photo: Orthophoto, drawings: Sequence[Drawing], pictu
 
 def mapped_in(drawings: Sequence[Drawing]) -> list[Drawing]:
     """What of a row's drawings lies in its face: the structure as it was mapped."""
-    return [one for one in drawn_in(drawings, "face") if one.tone == "structure" and one.role != "survey"]
+    return [
+        drawing for drawing in drawn_in(drawings, "face") if drawing.tone == "structure" and drawing.role != "survey"
+    ]
 
 
 def scaled_down(photo: Orthophoto) -> bytes:

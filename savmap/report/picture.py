@@ -100,7 +100,7 @@ def _layout(figure: Figure) -> _Layout:
 def _resolved(css: str, unit: float) -> str:
     """A style sheet without variables, which rasterisers do not know; `--u` is the units of a pixel."""
     values = {"u": f"{unit:.5g}", **dict(re.findall(r"--([\w-]+): ([^;]+);", css))}
-    plain = re.sub(r"var\(--([\w-]+)(?:, [^)]*)?\)", lambda match: values[match[1]], css)
+    resolved = re.sub(r"var\(--([\w-]+)(?:, [^)]*)?\)", lambda match: values[match[1]], css)
     return re.sub(
-        r"calc\(([\d.]+)px \* ([\d.e+-]+)\)", lambda match: f"{float(match[1]) * float(match[2]):.5g}px", plain
+        r"calc\(([\d.]+)px \* ([\d.e+-]+)\)", lambda match: f"{float(match[1]) * float(match[2]):.5g}px", resolved
     )

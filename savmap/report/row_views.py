@@ -194,8 +194,8 @@ def _camera_layers(name: str, track: Floats, index: int, width: int) -> tuple[La
     head = ""
     if middle and np.any(ahead[middle - 1]):
         along = 0.008 * width * ahead[middle - 1] / np.linalg.norm(ahead[middle - 1])
-        aside = 0.5 * np.array([-along[1], along[0]])
-        head = path(track[middle] + np.array([aside - along, np.zeros(2), -aside - along]))
+        across = 0.5 * np.array([-along[1], along[0]])
+        head = path(track[middle] + np.array([across - along, np.zeros(2), -across - along]))
     line = Layer(style, (Shape(path(track) + head, hint),))
     return line, Layer(f"{style} point", (Shape(path(track[:1]), hint),))
 

@@ -80,7 +80,7 @@ def path(points: Floats, closed: bool = False) -> str:
     point."""
     whole: Ints = np.round(points).astype(np.int64)
     steps = np.diff(whole, axis=0)
-    moves = [_step(int(x), int(y)) for x, y in steps] if len(whole) > 1 else ["h0"]
+    moves = [f"h{x}" if y == 0 else f"v{y}" if x == 0 else f"l{x} {y}" for x, y in steps.tolist()] or ["h0"]
     return f"M{whole[0, 0]} {whole[0, 1]}{''.join(moves)}" + ("z" if closed else "")
 
 
@@ -152,22 +152,18 @@ def metre_grid(frame: Frame, down: int, stretch: float = 1.0) -> tuple[Layer, tu
     below = [
         Label(round(x * MM), top, _metres(x), "tick x", dy=1.1) for x in across if edge < x * MM - left < width - edge
     ]
-    beside = [
+    left_labels = [
         Label(left, round(y * along_mm), _metres(down * y), "tick y", dx=0.4, dy=-0.2)
         for y in along
         if y * along_mm - top > edge
     ]
-    return Layer("grid", (Shape("".join(lines)),)), (*below, *beside)
+    return Layer("grid", (Shape("".join(lines)),)), (*below, *left_labels)
 
 
-def plain(value: float) -> str:
+def round_number(value: float) -> str:
     """A round number with a true minus."""
     return f"{value + 0.0:g}".replace("-", MINUS)
 
 
 def _metres(value: float) -> str:
-    return f"{plain(value)} m"
-
-
-def _step(x: int, y: int) -> str:
-    return f"h{x}" if y == 0 else f"v{y}" if x == 0 else f"l{x} {y}"
+    return f"{round_number(value)} m"

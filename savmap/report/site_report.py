@@ -93,8 +93,8 @@ def _log_of(site_map: SiteMap, run_file: Path) -> RunLog:
     mapped = {name for name, row in log.rows.items() if row.status != "failed"}
     if differing := sorted(mapped ^ {*site_map.rows}):
         raise OutputError(
-            f"{run_file}: is of another run than the map: row {differing[0]} is in one of them alone; give the run.json that lies "
-            "beside the map, or leave --run out"
+            f"{run_file}: is of another run than the map: row {differing[0]} is in one of them alone; "
+            "give the run.json that lies beside the map, or leave --run out"
         )
     return log
 
@@ -151,7 +151,7 @@ def compare_files(
     old_file, new_file = map_in(old), map_in(new)
     view = new_file.with_name(VIEW)
     require_other(json_file, old_file, new_file)
-    _require_apart(page, json_file, view if in_viewer else None)
+    _require_distinct(page, json_file, view if in_viewer else None)
     site_map = read_map(new_file)
     before = _before(old_file, site_map, level)
     if json_file is not None:
@@ -168,7 +168,7 @@ def compare_files(
     return before.comparison
 
 
-def _require_apart(*outputs: Path | None) -> None:
+def _require_distinct(*outputs: Path | None) -> None:
     """Raise OutputError where two things would be written into one file."""
     names = [path.absolute() for path in outputs if path is not None]
     for path in names:

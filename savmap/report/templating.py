@@ -1,10 +1,13 @@
 """Templates filled with records: the page and the figures."""
 
+import base64
+import hashlib
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from savmap.errors import visible
 from savmap.report.scene import swatch
@@ -14,6 +17,17 @@ def rendered(template: str, **values: Any) -> str:
     """A template filled, as text that can be encoded."""
     text = _environment().get_template(template).render(values)
     return "\n".join(visible(line.replace("\t", " ")) for line in text.split("\n"))
+
+
+def rendered_page(template: str, **values: Any) -> str:
+    """A template of a whole page filled. It loads nothing, and only its own script may run in it (by its digest)."""
+    script, style = resource("page.js"), resource("figure.css") + resource("page.css")
+    return rendered(template, style=Markup(style), script=Markup(script), digest=digest(script), **values)
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text as base64, as a page's policy names it."""
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def resource(name: str) -> str:

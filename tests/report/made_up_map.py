@@ -1,6 +1,11 @@
 """Rows for the viewer's tests: posts and bars with edges, a text, doubts, solids, a joint covariance, a camera's path."""
 
+import base64
+import gzip
+import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -105,3 +110,10 @@ def photo() -> Orthophoto:
 
 def stills() -> tuple[Still, ...]:
     return tuple(Still(frame, jpeg(64, 32, 40 + 9 * frame)) for frame in (0, 6, 12, 18))
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    """What a viewer's page holds."""
+    packed = page.read_text(encoding="utf-8").split('id="map">')[1].split("<")[0]
+    data: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(packed)))
+    return data

@@ -35,8 +35,16 @@ def grey_at(page: Any, share: float) -> int:
     return int(np.median(image))
 
 
-def test_list_leads_to_changes_with_amount_and_sigma(opened: Open) -> None:
+def test_changes_are_coloured_and_listed_with_amount_and_sigma(opened: Open) -> None:
     page = opened(both())
+    assert page.input_value("#mode") == "change"
+    assert [line.strip() for line in page.locator("#legend li").all_inner_texts()] == [
+        "same (22)",
+        "missing (1)",
+        "new (1)",
+        "moved (1)",
+        "the old date, underneath",
+    ]
     lines = [line.replace("\u00a0", " ") for line in page.locator("#changes li").all_inner_texts()]
     assert [line.split(",")[0] for line in lines[:3]] == [
         "bay 2 / beam 3: missing",
@@ -53,7 +61,7 @@ def test_list_leads_to_changes_with_amount_and_sigma(opened: Open) -> None:
     assert page.evaluate("savmapViewer.selection.elements.map((one) => one.date)") == ["new", "old"]
 
 
-def test_switch_shows_either_date_or_both(opened: Open) -> None:
+def test_switch_search_and_distance_know_both_dates(opened: Open) -> None:
     page = opened(both(), "#A/post 9")
     drawn = "Object.values(savmapViewer.model.rows[0].dates).map((date) => date.group.visible)"
     counts = {}
@@ -64,22 +72,6 @@ def test_switch_shows_either_date_or_both(opened: Open) -> None:
     page.keyboard.press("d")
     assert page.get_attribute("[data-dates=both]", "aria-pressed") == "true"
     page.keyboard.press("n")  # names go, and nothing breaks
-
-
-def test_elements_are_coloured_by_their_state(opened: Open) -> None:
-    page = opened(both())
-    assert page.input_value("#mode") == "change"
-    assert [line.strip() for line in page.locator("#legend li").all_inner_texts()] == [
-        "same (22)",
-        "missing (1)",
-        "new (1)",
-        "moved (1)",
-        "the old date, underneath",
-    ]
-
-
-def test_missing_element_is_found_and_named(opened: Open) -> None:
-    page = opened(both())
     page.locator("[data-dates=new]").click()
     page.fill("#search", "bay 2 / beam 3")
     page.keyboard.press("Enter")
@@ -87,6 +79,12 @@ def test_missing_element_is_found_and_named(opened: Open) -> None:
     assert "old date" in page.inner_text("#selection")
     assert page.evaluate("savmapViewer.site.showing") == "both"  # it is not on the new one
     assert page.evaluate("decodeURI(location.hash)") == "#A/old date/bay 2 / beam 3"
+    page.keyboard.press("m")
+    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "bay 3 / beam 3" && one.date === date));
+        for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
+    until(page, "savmapViewer.ruler.result")
+    assert "two dates" in page.inner_text("#measured-how")
+    assert 0.02 < page.evaluate("savmapViewer.ruler.result.distance") < 0.04
 
 
 def test_address_names_an_element_of_the_old_date(opened: Open) -> None:
@@ -133,16 +131,6 @@ def test_no_divider_without_the_old_orthophoto(opened: Open) -> None:
     assert page.locator("#swipe").is_hidden()
     page.locator("[data-dates=old]").click()
     assert page.evaluate("savmapViewer.model.rows[0].dates.new.group.visible") is False
-
-
-def test_distance_between_dates_says_what_it_rests_on(opened: Open) -> None:
-    page = opened(both())
-    page.keyboard.press("m")
-    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "bay 3 / beam 3" && one.date === date));
-        for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
-    until(page, "savmapViewer.ruler.result")
-    assert "two dates" in page.inner_text("#measured-how")
-    assert 0.02 < page.evaluate("savmapViewer.ruler.result.distance") < 0.04
 
 
 def test_other_rows_and_missing_ones_are_named(opened: Open) -> None:

@@ -39,7 +39,7 @@ def axes(page: Any) -> dict[str, list[float]]:
     return found
 
 
-def test_world_is_that_of_exports(opened: Open) -> None:
+def test_places_in_every_frame_and_the_world_of_exports(opened: Open) -> None:
     page = opened(View(ALIGNED), "#B/post 2")
     there = next(one.structure for one in elements(ALIGNED) if (one.row, one.structure.id) == ("B", "post 2"))
     place, sigma = told(page, "world")
@@ -47,10 +47,6 @@ def test_world_is_that_of_exports(opened: Open) -> None:
     most = 1000 * float(np.sqrt(there.covariances[:, range(3), range(3)].max()))
     assert sigma == pytest.approx(most, abs=0.6)
     assert page.input_value("#frame") == "world"
-
-
-def test_places_in_every_frame(opened: Open) -> None:
-    page = opened(View(ALIGNED), "#B/post 2")
     vertices = next(one for one in row("B").structures["things"] if one.id == "post 2").vertices
     centre = vertices.mean(axis=0)
     assert told(page, "row")[0] == pytest.approx(centre.tolist(), abs=6e-4)

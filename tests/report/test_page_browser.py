@@ -40,13 +40,13 @@ def page(browser: Any, request: pytest.FixtureRequest, tmp_path: Path) -> Iterat
     assert heard == []
 
 
-def test_the_page_fits_its_window(page: Any) -> None:
+def test_page_fits_sorts_zooms_and_leads(page: Any) -> None:
+    """One opened page: it fits its window; tables sort and are filtered; a face view zooms and says what is under the
+    pointer; a row of the plan leads to its section."""
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     light = page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert light == page.evaluate("matchMedia('(prefers-color-scheme: light)').matches")
 
-
-def test_tables_sort_and_are_filtered(page: Any) -> None:
     rows = page.locator("#references-table tbody tr")
     given = page.locator("#references-table thead button").nth(2)
     given.click()
@@ -58,8 +58,6 @@ def test_tables_sort_and_are_filtered(page: Any) -> None:
     if rows.count() > 8:
         assert page.locator("#references-table tbody tr:visible").count() == 2
 
-
-def test_a_face_view_zooms_and_tells_what_is_under_the_pointer(page: Any) -> None:
     face = page.locator("#row-A2-face")
     face.scroll_into_view_if_needed()
     page.locator("#row-A2-face.movable").wait_for()
@@ -83,8 +81,6 @@ def test_a_face_view_zooms_and_tells_what_is_under_the_pointer(page: Any) -> Non
     page.locator("#row-A2 details.elements li").first.wait_for()
     assert page.locator("#row-A2 details.elements li").count() == 7
 
-
-def test_a_row_of_the_plan_leads_to_its_section(page: Any) -> None:
     page.locator("#site-plan a[href='#row-A10']").first.dispatch_event("click")
     page.wait_for_function("location.hash === '#row-A10'")
     assert page.locator("#row-A10").is_visible()

@@ -5,7 +5,7 @@ import pytest
 
 from savmap.report.box_plot import box_of, box_plot
 from savmap.report.numbers import anchors, duration, fixed, natural, shortened
-from savmap.report.page.alignment import alignment_facts, alignment_table
+from savmap.report.page.tables import alignment_facts, alignment_table
 from savmap.report.page.uncertainty import histogram
 from savmap.report.scene import hatching, path, ticks
 from savmap.types import Alignment, AlignmentResidual, Evaluation, Score

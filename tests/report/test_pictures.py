@@ -1,7 +1,5 @@
 """Pictures are written whole, the same each time, and show what they were given."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -129,8 +127,3 @@ def test_other_endings_are_refused(tmp_path: Path) -> None:
 def test_a_drawing_without_points_is_refused() -> None:
     with pytest.raises(ValueError, match=r"posts must be \(n, 3\)"):
         Drawing("line", np.zeros((0, 3)), "mapped", "structure", "posts")
-
-
-def test_reports_are_imported_without_matplotlib() -> None:
-    code = "import sys, savmap.report.picture; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

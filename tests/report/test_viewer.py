@@ -1,9 +1,6 @@
 """The viewer's page as text, and what is written beside it."""
 
-import base64
-import gzip
 import hashlib
-import json
 import re
 import socket
 import threading
@@ -16,21 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_map import EVIL, photo, places, row, site, stills
+from made_up_map import EVIL, data_of, photo, places, row, site, stills
 
 from savmap.report.viewer import View, write_view
-from savmap.report.viewer import beside as beside_module
+from savmap.report.viewer import page as page_module
 from savmap.report.viewer.serve import ViewServer
 from savmap.types import Evaluation, Score, SiteMap
 
 NAME = "Süd/1 #"
-
-
-def data_of(page: Path) -> dict[str, Any]:
-    """What a page holds."""
-    packed = page.read_text(encoding="utf-8").split('id="map">')[1].split("<")[0]
-    found: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(packed)))
-    return found
 
 
 def written(folder: Path, view: View) -> Path:
@@ -48,7 +38,7 @@ def test_no_text_of_the_map_is_in_the_page(tmp_path: Path) -> None:
     assert page.count("<script") == 2
     assert page.count("</script") == 2
     assert "default-src 'none'" in page
-    folder = Path(beside_module.__file__).with_name("source")
+    folder = Path(page_module.__file__).with_name("source")
     own = [file for file in folder.rglob("*.js") if "node_modules" not in file.parts]
     assert len(own) > 20
     assert not [file for file in own if re.search("(inner|outer)HTML|insertAdjacentHTML", file.read_text("utf-8"))]
@@ -81,18 +71,12 @@ def test_a_part_of_a_place_has_the_sizes_that_the_whole_has_not(tmp_path: Path) 
     assert data_of(written(tmp_path, View(SiteMap({"B": row("B")}, {}), places=places())))["rows"][0]["places"] == []
 
 
-def test_errors_are_shown_where_there_is_a_survey(tmp_path: Path) -> None:
-    scored = Evaluation({"A": Score()}, deviations={"A": {"things": {"post 1": 0.0123, "post 2": np.inf}}})
-    data = data_of(written(tmp_path, View(SiteMap({"A": row()}, {}), scored)))
+def test_errors_of_a_survey_are_those_of_row_and_plugin(tmp_path: Path) -> None:
+    both = replace(row(), structures={name: row().structures["things"][:3] for name in ("things", "others")})
+    deviations = {"A": {"others": {"post 1": 0.0123, "post 2": np.inf}}, "B": {"things": {"post 1": 1.0}}}
+    data = data_of(written(tmp_path, View(SiteMap({"A": both}, {}), Evaluation({"A": Score()}, deviations=deviations))))
     assert data["surveyed"] is True
-    assert [entry["off"] for entry in data["rows"][0]["structures"]][:3] == [0.0123, "spurious", None]
-
-
-def test_errors_of_one_plugin_are_not_anothers(tmp_path: Path) -> None:
-    both = replace(row(), structures={name: row().structures["things"][:1] for name in ("things", "others")})
-    scored = Evaluation({"A": Score()}, deviations={"A": {"others": {"post 1": 0.02}}, "B": {"things": {"post 1": 1}}})
-    data = data_of(written(tmp_path, View(SiteMap({"A": both}, {}), scored)))
-    assert [entry["off"] for entry in data["rows"][0]["structures"]] == [None, 0.02]
+    assert [entry["off"] for entry in data["rows"][0]["structures"]] == [None, None, None, 0.0123, "spurious", None]
 
 
 def test_pictures_lie_beside_the_page(tmp_path: Path) -> None:
@@ -108,16 +92,6 @@ def test_pictures_lie_beside_the_page(tmp_path: Path) -> None:
     assert re.fullmatch(r'savmapPart\("[^"]+", "data:image/jpeg;base64,[A-Za-z0-9+/=]+"\);\n', text)
 
 
-def test_pictures_of_an_earlier_map_go(tmp_path: Path) -> None:
-    one = SiteMap({"A": row()}, {})
-    write_view(View(one, photos={"A": photo()}, stills={"A": stills()}), tmp_path / "view.html")
-    page = written(tmp_path, View(one))  # stills not given: those that lie there
-    assert len(data_of(page)["rows"][0]["stills"]) == 4
-    assert scripts(tmp_path) == {f"pano/A-{n:05d}.js" for n in (0, 6, 12, 18)}
-    page = written(tmp_path, View(one, stills={"A": stills()[:1]}))
-    assert scripts(tmp_path) == {"pano/A-00000.js"}
-
-
 def test_scripts_of_rows_that_are_gone_go(tmp_path: Path) -> None:
     two = SiteMap({"A": row(), "B": row("B")}, {})
     pictures: dict[str, Any] = {"photos": {"A": photo(), "B": photo()}, "stills": {"A": stills(), "B": stills()}}
@@ -126,7 +100,8 @@ def test_scripts_of_rows_that_are_gone_go(tmp_path: Path) -> None:
     (tmp_path / "face" / "renamed.js").write_bytes((tmp_path / "face" / "B.js").read_bytes())
     one = SiteMap({"A": row()}, {})
     own = {"face/A.js", "face/small/A.js", "face/own.js", "face/renamed.js"}
-    written(tmp_path, View(one, photos={"A": photo()}))  # a map's stills cannot be made again
+    page = written(tmp_path, View(one, photos={"A": photo()}))  # a map's stills cannot be made again
+    assert len(data_of(page)["rows"][0]["stills"]) == 4
     assert scripts(tmp_path) == own | {f"pano/{name}-{n:05d}.js" for name in "AB" for n in (0, 6, 12, 18)}
     written(tmp_path, View(one, photos={"A": photo()}, stills={"A": stills()[:1]}))
     assert scripts(tmp_path) == own | {"pano/A-00000.js"}
@@ -148,13 +123,13 @@ def test_scripts_differ_in_more_than_case(tmp_path: Path) -> None:
 def test_large_joint_covariances_lie_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one = SiteMap({"A": row()}, {})
     assert "covariance" in data_of(written(tmp_path / "1", View(one)))["rows"][0]["joint"]
-    monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
+    monkeypatch.setattr(page_module, "MOST_JOINT", 100)
     assert data_of(written(tmp_path / "2", View(one)))["rows"][0]["joint"]["path"] == "joint/A.js"
     assert scripts(tmp_path / "2") == {"joint/A.js"}
 
 
 def test_bundle_is_that_of_its_sources() -> None:
-    folder = Path(beside_module.__file__).parent
+    folder = Path(page_module.__file__).parent
     files = {file.relative_to(folder / "source").as_posix(): file for file in (folder / "source").rglob("*.*")}
     own = [name for name in sorted(files) if re.fullmatch(r"(?!node_modules/).*\.(m?js|json)", name)]
     digest = hashlib.sha256(b"".join(files[name].read_bytes() for name in own)).hexdigest()
@@ -187,13 +162,11 @@ def status(address: str, **headers: str) -> int:
         return error.code
 
 
-def test_server_gives_the_page_and_nothing_else(server: str) -> None:
+def test_server_gives_this_machine_the_page_and_nothing_else(server: str) -> None:
     assert server.startswith("http://127.0.0.1:")
     assert status(server) == status(f"{server}face/A.js") == 200
     assert {status(server + path) for path in ("secret.txt", "face/", "face/..%2fsecret.txt", "other/A.js")} == {404}
-
-
-def test_server_answers_this_machine_alone(server: str) -> None:
+    assert status(f"{server}face/%ED%A0%80.js") in (400, 404)  # a name that no file has
     assert status(server, Host="attacker.example") == 421
 
 
@@ -219,7 +192,3 @@ def test_server_refuses_malformed_requests(
         answer = link.makefile("rb").read()
     assert b" 400 " in answer.splitlines()[0]
     assert "Traceback" not in capfd.readouterr().err
-
-
-def test_server_refuses_names_that_no_file_has(server: str) -> None:
-    assert status(f"{server}face/%ED%A0%80.js") in (400, 404)

@@ -12,7 +12,7 @@ from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.maps.distance import vertex_distance
 from savmap.report.viewer import View
-from savmap.report.viewer import beside as beside_module
+from savmap.report.viewer import page as page_module
 from savmap.types import Doubt, SiteMap, Trajectory, Verdict
 
 pytestmark = IN_BROWSER
@@ -67,7 +67,7 @@ def test_a_section_of_one_element_tells_its_sizes_too(opened: Open) -> None:
     assert "clear width" in page.inner_text("#selection dl")
 
 
-def test_shows_all_elements(opened: Open) -> None:
+def test_elements_are_drawn_selected_and_found(opened: Open) -> None:
     page = opened(one_row())
     assert page.title() == "Hall 1"
     assert page.evaluate("savmapViewer.site.elements.length") == 6
@@ -82,19 +82,6 @@ def test_shows_all_elements(opened: Open) -> None:
     assert inside
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
-
-@pytest.mark.parametrize("kind", ["model", "plan", "face"])
-def test_first_look_shows_what_hangs_beyond_the_row(opened: Open, kind: str) -> None:
-    beyond = tuple(thing(f"hanging {x}", "other", (x, 6), (x + 1, 7)) for x in (-4, 6))
-    page = opened(View(SiteMap({"A": replace(row(), structures={**row().structures, "others": beyond})}, {})))
-    page.evaluate("(kind) => savmapViewer.setKind(kind)", kind)
-    inside = page.evaluate("""savmapViewer.site.elements.map((one) => { const [x, y] = savmapViewer.stage.pixelOf(one.row, one.first);
-        return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; })""")
-    assert inside == [True] * 8
-
-
-def test_lines_are_drawn_where_elements_are(opened: Open) -> None:
-    page = opened(one_row())
     page.keyboard.press("n")
     colours = page.evaluate(
         """() => { savmapViewer.setMode("label"); savmapViewer.stage.draw(); const v = savmapViewer, gl = v.stage.renderer.getContext(), r = v.stage.renderer.getPixelRatio();
@@ -105,6 +92,33 @@ def test_lines_are_drawn_where_elements_are(opened: Open) -> None:
     )
     darkest = min(zip(*[iter(colours)] * 4, strict=True), key=sum)
     assert darkest[0] < 120  # the ground has 251
+
+    x, y = page.evaluate(HERE, ["bay 1 / bar 1", 2])
+    page.mouse.click(x - 40, y)
+    assert selected(page) == "bay 1 / bar 1"
+    assert page.evaluate("decodeURI(location.hash)") == "#A/bay 1 / bar 1"
+    page.keyboard.press("Escape")
+    assert page.locator("#selection strong").count() == 0
+
+    before = page.evaluate("savmapViewer.view.camera.position.toArray()")
+    page.keyboard.press("/")
+    page.keyboard.type("a21")
+    assert page.locator("#results button").count() == 1
+    page.keyboard.press("Enter")
+    assert selected(page) == "A21-03"
+    assert page.evaluate("savmapViewer.view.camera.position.toArray()") != before
+
+
+def test_first_look_shows_what_hangs_beyond_the_row(opened: Open) -> None:
+    beyond = tuple(thing(f"hanging {x}", "other", (x, 6), (x + 1, 7)) for x in (-4, 6))
+    page = opened(View(SiteMap({"A": replace(row(), structures={**row().structures, "others": beyond})}, {})))
+    for kind in ("model", "plan", "face"):
+        page.evaluate("(kind) => savmapViewer.setKind(kind)", kind)
+        inside = page.evaluate(
+            """savmapViewer.site.elements.map((one) => { const [x, y] = savmapViewer.stage.pixelOf(one.row, one.first);
+            return x > 0 && y > 0 && x < innerWidth - 310 && y < innerHeight; })"""
+        )
+        assert inside == [True] * 8, kind
 
 
 def test_hostile_texts_are_shown_as_text(opened: Open) -> None:
@@ -117,28 +131,20 @@ def test_hostile_texts_are_shown_as_text(opened: Open) -> None:
     assert page.locator("img").count() == 0
 
 
-def test_click_selects_and_address_names_it(opened: Open) -> None:
-    page = opened(one_row())
-    x, y = page.evaluate(HERE, ["bay 1 / bar 1", 2])
-    page.mouse.click(x - 40, y)
-    assert selected(page) == "bay 1 / bar 1"
-    assert page.evaluate("decodeURI(location.hash)") == "#A/bay 1 / bar 1"
-    page.keyboard.press("Escape")
-    assert page.locator("#selection strong").count() == 0
+def test_deep_links(opened: Open) -> None:
+    page = opened(one_row(), "#A21-03")
+    assert selected(page) == "A21-03"
+    for address, name in (("#a/post%202", "post 2"), ("#A/bay 1", "bay 1"), ("#post 1", "post 1")):
+        page.evaluate("(address) => { location.hash = address; }", address)
+        until(page, f"document.querySelector('#selection strong')?.textContent === '{name}'")
 
 
-@pytest.mark.parametrize(
-    ("address", "name"),
-    [("#A21-03", "A21-03"), ("#a/post%202", "post 2"), ("#A/bay 1", "bay 1"), ("#post 1", "post 1")],
-)
-def test_deep_links(opened: Open, address: str, name: str) -> None:
-    assert selected(opened(one_row(), address)) == name
-
-
-@pytest.mark.parametrize("name", ["A", "a"])
-def test_links_tell_rows_apart_by_case(opened: Open, name: str) -> None:
-    page = opened(View(SiteMap({"A": row(), "a": row("a")}, {})), f"#{name}/post 2")
-    assert page.evaluate("savmapViewer.selection.elements.map((one) => one.key)") == [f"{name}/post 2"]
+def test_links_tell_rows_apart_by_case(opened: Open) -> None:
+    page = opened(View(SiteMap({"A": row(), "a": row("a")}, {})), "#A/post 2")
+    keys = "savmapViewer.selection.elements.map((one) => one.key)"
+    assert page.evaluate(keys) == ["A/post 2"]
+    page.evaluate("location.hash = '#a/post 2'")
+    until(page, f"{keys}[0] === 'a/post 2'")
 
 
 def test_links_tell_plugins_apart(opened: Open) -> None:
@@ -148,17 +154,6 @@ def test_links_tell_plugins_apart(opened: Open) -> None:
     keys = page.evaluate("savmapViewer.site.elements.map((one) => one.key)")
     assert len(set(keys)) == len(keys)
     assert {"A/things/post 1", "A/post 2"} < set(keys)
-
-
-def test_search_finds_and_flies(opened: Open) -> None:
-    page = opened(one_row())
-    before = page.evaluate("savmapViewer.view.camera.position.toArray()")
-    page.keyboard.press("/")
-    page.keyboard.type("a21")
-    assert page.locator("#results button").count() == 1
-    page.keyboard.press("Enter")
-    assert selected(page) == "A21-03"
-    assert page.evaluate("savmapViewer.view.camera.position.toArray()") != before
 
 
 @pytest.mark.parametrize("with_joint", [True, False])
@@ -171,7 +166,7 @@ def test_distance_is_that_of_python(opened: Open, with_joint: bool) -> None:
 
 
 def test_joint_covariance_is_loaded_from_beside(opened: Open, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(beside_module, "MOST_JOINT", 100)
+    monkeypatch.setattr(page_module, "MOST_JOINT", 100)
     view = one_row()
     text = measure(opened(view), ("post 1", 0), ("bay 1 / bar 2", 2))
     assert text == said_by_python(view.site_map, "post 1 / a", "bay 1 / bar 2 / c")
@@ -213,17 +208,7 @@ def test_sigma_of_no_distance_is_that_of_python(opened: Open) -> None:
         assert page.inner_text("#distance").replace("\u00a0", " ") == said
 
 
-def test_own_vertex_has_no_distance_in_a_joint_map(opened: Open) -> None:
-    page = opened(one_row())
-    page.keyboard.press("m")
-    lone = page.evaluate("savmapViewer.site.elements.find((one) => one.id === 'spot 1').first")
-    for _ in range(2):
-        page.evaluate("(vertex) => savmapViewer.ruler.add({row: savmapViewer.row, vertex})", lone)
-    until(page, "savmapViewer.ruler.result")
-    assert page.evaluate("[savmapViewer.ruler.result.sigma, ...savmapViewer.ruler.result.sigmas]") == [0, 0, 0, 0]
-
-
-def test_tip_goes_when_a_corner_is_picked(opened: Open) -> None:
+def test_tip_goes_when_a_corner_is_picked_and_an_own_vertex_has_no_distance(opened: Open) -> None:
     page = opened(one_row())
     page.keyboard.press("m")
     for corner in (0, 3):
@@ -235,6 +220,12 @@ def test_tip_goes_when_a_corner_is_picked(opened: Open) -> None:
     page.mouse.move(*page.evaluate(HERE, ["post 2", 0]))
     page.keyboard.press("Escape")
     until(page, "document.getElementById('tip').hidden")
+    page.keyboard.press("m")
+    lone = page.evaluate("savmapViewer.site.elements.find((one) => one.id === 'spot 1').first")
+    for _ in range(2):
+        page.evaluate("(vertex) => savmapViewer.ruler.add({row: savmapViewer.row, vertex})", lone)
+    until(page, "savmapViewer.ruler.result")
+    assert page.evaluate("[savmapViewer.ruler.result.sigma, ...savmapViewer.ruler.result.sigmas]") == [0, 0, 0, 0]
 
 
 def test_views_and_orthophoto(opened: Open) -> None:
@@ -306,13 +297,7 @@ def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
     assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 6
     page.keyboard.press(".")
     assert page.evaluate("savmapViewer.panorama.places[savmapViewer.panorama.place].index") == 12
-
-
-def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
-    """The panorama's middle column looks out of the face: behind the camera that looks at the face, and up is up."""
-    page = opened(one_row())
-    page.keyboard.press("4")
-    until(page, "savmapViewer.panorama.shows")
+    # it lies under the wireframe: its middle column looks out of the face, behind the camera, and up is up
     ahead = page.evaluate(
         """() => { const { sphere } = savmapViewer.panorama, v = savmapViewer.panorama.camera.position.clone();
         sphere.updateMatrixWorld(); return [[0, 0, 1], [0, -1, 0]].map((ray) => v.set(...ray).transformDirection(sphere.matrixWorld).toArray()); }"""
@@ -321,7 +306,7 @@ def test_panorama_lies_under_the_wireframe(opened: Open) -> None:
     assert [round(value, 6) for value in ahead[1]] == [0, 1, 0]
 
 
-def test_doubts_lead_to_what_they_name(opened: Open) -> None:
+def test_doubts_lead_to_what_they_name_and_keys_work(opened: Open) -> None:
     page = opened(one_row())
     assert page.input_value("#mode") == "verdict"
     assert "nothing checks the length" not in page.inner_text("#doubts")
@@ -329,6 +314,14 @@ def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
     assert selected(page) == "bay 1 / bar 2"
+    page.keyboard.press("Escape")
+    for key in "ssuuknnccf":
+        page.keyboard.press(key)
+    page.keyboard.press("?")
+    assert page.locator("#help").is_visible()
+    page.keyboard.press("Escape")
+    page.keyboard.press("ArrowRight")
+    assert selected(page) == "post 1"
 
 
 def test_doubts_are_those_of_row_and_plugin(opened: Open) -> None:
@@ -362,17 +355,6 @@ def test_notes_are_saved_and_loaded(opened: Open, tmp_path: Path) -> None:
     (tmp_path / "notes.json").write_text("[]")
     other.set_input_files("#load-notes", tmp_path / "notes.json")
     other.wait_for_selector("text=no file of notes")
-
-
-def test_keys_and_help(opened: Open) -> None:
-    page = opened(one_row())
-    for key in "ssuuknnccf":
-        page.keyboard.press(key)
-    page.keyboard.press("?")
-    assert page.locator("#help").is_visible()
-    page.keyboard.press("Escape")
-    page.keyboard.press("ArrowRight")
-    assert selected(page) == "post 1"
 
 
 def test_names_do_not_overlap(opened: Open) -> None:

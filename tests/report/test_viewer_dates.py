@@ -1,8 +1,6 @@
 """Two dates in the viewer's page: what it holds of the old one, and when it is written."""
 
 import base64
-import gzip
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up_dates import dated_site, grey_photo
+from made_up_map import data_of, jpeg, stills
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
@@ -19,17 +18,11 @@ from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
 from savmap.report.site_report import viewed
 from savmap.report.viewer import Before, View, write_view
-from savmap.types import SiteMap
+from savmap.report.viewer.data import old_place
+from savmap.types import Placement, SiteMap
 
 OLD = dated_site(1, without=("bay 4 / beam 2",), moved_m=0.7)
 NEW = dated_site(2, lifted_m=0.03, without=("bay 2 / beam 3",))
-
-
-def data_of(page: Path) -> dict[str, Any]:
-    packed = re.search(r'id="map">([^<]*)</script>', page.read_text(encoding="utf-8"))
-    assert packed
-    found: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(packed[1])))
-    return found
 
 
 def written(folder: Path, old: SiteMap, new: SiteMap, **options: Any) -> dict[str, Any]:
@@ -149,3 +142,65 @@ def test_report_tells_what_changed(folders: tuple[Path, Path], tmp_path: Path) -
     section = page.read_text(encoding="utf-8").split('<section id="changes">')[1].split("</section>")[0]
     assert "1 missing, 1 moved, 1 new, 22 same" in section
     assert re.search(r"bay 3 / beam 3.*?y \+\d+ mm", section, re.DOTALL)
+
+
+MOVED, LATER = dated_site(1, moved_m=0.7), dated_site(2)
+NONE = np.zeros((3, 3))
+
+
+def with_gone(**places: Placement) -> SiteMap:
+    return SiteMap({**MOVED.rows, "B": replace(MOVED.rows["A"], name="B")}, {}, {}, places)
+
+
+def test_row_of_the_old_date_is_in_the_page(tmp_path: Path) -> None:
+    old = with_gone()
+    before = Before(old, compare_maps(old, LATER), {"B": grey_photo(40)})
+    write_view(View(LATER, before=before), tmp_path / "view.html")
+    kept, gone = data_of(tmp_path / "view.html")["rows"]
+    assert ("gone" in kept, gone["gone"], gone["name"], gone["structures"]) == (False, True, "B", [])
+    assert gone["placement"] is None
+    ids = [one["id"] for one in gone["before"]["structures"]]
+    assert ids == [one.id for one in old.rows["B"].structures["shelves"]]
+    assert gone["before"]["face"]["pictures"] == ["face/old/small/B.js", "face/old/B.js"]
+    assert (tmp_path / "face" / "old" / "B.js").is_file()
+
+
+def test_gone_row_is_placed_as_its_neighbour_is() -> None:
+    old = with_gone(A=Placement(10.0, 4.0, 90.0, NONE), B=Placement(10.0, 0.0, -90.0, NONE))
+    new = SiteMap(LATER.rows, {}, {}, {"A": Placement(3.0, 1.0, 0.0, NONE)})
+    before = Before(old, compare_maps(old, new))
+    found = old_place(before, new, "B")
+    assert found is not None
+    # row B is turned by half a turn, and 4 m along -z of the old site: along +x of row A, which begins 0.7 m further on
+    assert [found.x_m, found.z_m] == pytest.approx([3.0 + 4.0 + 0.7, 1.0], abs=0.03)
+    assert abs(found.heading_deg) == pytest.approx(180.0, abs=0.3)
+    assert old_place(before, SiteMap(LATER.rows, {}), "B") is None  # nobody knows how the sites lie on one another
+
+
+def test_old_panoramas_are_copied_and_carried(tmp_path: Path) -> None:
+    spring, autumn = tmp_path / "spring", tmp_path / "autumn"
+    write_view(View(MOVED, stills={"A": stills()}), spring / "view.html")
+    (spring / "pano" / "A-00003.js").write_text("alert(1)")  # nothing that savmap wrote
+    motion = compare_maps(MOVED, LATER).rows[0].motion
+    assert motion is not None
+    before = Before(MOVED, compare_maps(MOVED, LATER), folder=spring)
+    write_view(View(LATER, before=before), autumn / "view.html")
+    (row,) = data_of(autumn / "view.html")["rows"]
+    frames = [still.frame for still in stills()]
+    assert [one["frame"] for one in row["before"]["stills"]] == row["before"]["frames"]["number"] == frames
+    places = np.array(row["before"]["frames"]["position"]).reshape(-1, 3) * 1e-5
+    assert np.allclose(places, motion.points(MOVED.rows["A"].trajectory.world_from_rig[frames, :3, 3]), atol=1e-5)
+    path = autumn / "pano" / "old" / "A-00006.js"
+    written = path.read_text(encoding="utf-8")
+    assert written.startswith('savmapPart("pano/old/A-00006.js", "data:image/jpeg;base64,')
+    assert base64.b64decode(written.split(",")[2].split('"')[0]) == jpeg(64, 32, 94).tobytes()
+    write_view(View(LATER), autumn / "view.html")
+    assert not path.exists()
+
+
+def test_old_path_without_pictures_takes_no_room(tmp_path: Path) -> None:
+    write_view(
+        View(LATER, before=Before(MOVED, compare_maps(MOVED, LATER), folder=tmp_path / "none")), tmp_path / "view.html"
+    )
+    (row,) = data_of(tmp_path / "view.html")["rows"]
+    assert row["before"]["stills"] == row["before"]["frames"]["position"] == []

@@ -43,8 +43,8 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     if glare is not None:
         left, features = _glaring(view, detections, glare, grey)
     seeds = [seed for seed in seeds_of(grey, detections) if seed.number in left]
-    compact, lit = _found(grey, seeds)
-    lamps = _apart(
+    compact, lit = _lamps_and_strips(grey, seeds)
+    lamps = _distinct(
         (n, other, SIGMA_CENTRE_PX) for n, lamp, seed in compact for other in (lamp, *more_like(grey, seed, lamp))
     )
     features += _compact(view, detections, lamps, 0)
@@ -61,13 +61,15 @@ Known = tuple[int, Compact, Seed]
 Sure = tuple[int, Compact, float]
 
 
-def _found(shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> tuple[list[Known], list[Body]]:
+def _lamps_and_strips(
+    shine: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING
+) -> tuple[list[Known], list[Body]]:
     """The compact lamps, with the numbers of their detections, and the strips that stand out in a picture of what
     shines."""
     joined = any(len(seed.parts) > 1 for seed in seeds)
     compact = [(seed.number, lamp, seed) for seed in seeds for lamp in compacts_of(shine, seed, joined)]
-    own = {number for number, _, _ in compact}
-    return compact, strips(shine, [seed for seed in seeds if seed.number not in own], varying)
+    compact_numbers = {number for number, _, _ in compact}
+    return compact, strips(shine, [seed for seed in seeds if seed.number not in compact_numbers], varying)
 
 
 def _numbers(compact: Sequence[Known], lit: Sequence[Body]) -> set[int]:
@@ -79,13 +81,13 @@ def _glaring(
 ) -> tuple[set[int], list[Feature]]:
     """In an overexposed picture: the detections that are left, and the features of lamps, and of their likes, beside
     which it glares."""
-    compact, lit = _found(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
+    compact, lit = _lamps_and_strips(glare.outlines, seeds_of(glare.outlines, detections), EVEN)
     bodies = with_likes(glare.last, lit, [lamp for _, lamp, _ in compact])
     bodies = [body for body in bodies if body.instance < FIRST_FAINT or beside_strip(glare.last, body)]
     sure = [(n, compact_again(glare.darkest, lamp), SIGMA_CENTRE_PX) for n, lamp, _ in compact]
     alike = ((n, other) for n, lamp, _ in sure for other in compact_likes(glare.last, lamp))
     faint = ((n, compact_again(glare.darkest, other), FAINT_PX) for n, other in alike)
-    lamps = _apart(lamp for lamp in (*sure, *faint) if beside_compact(glare.last, lamp[1]))
+    lamps = _distinct(lamp for lamp in (*sure, *faint) if beside_compact(glare.last, lamp[1]))
     features = _compact(view, detections, lamps, GLARING)
     for body in bodies:
         sigma = SIGMA_END_PX if body.instance < FIRST_FAINT else FAINT_PX
@@ -96,13 +98,13 @@ def _glaring(
     return set(range(len(detections))) - measured, features
 
 
-def _apart(lamps: Iterable[Sure]) -> list[Sure]:
-    """Compact lamps, each found once: with the number of a detection and a standard deviation, px."""
-    found: list[Sure] = []
+def _distinct(lamps: Iterable[Sure]) -> list[Sure]:
+    """Compact lamps, each once: with the number of a detection and a standard deviation, px."""
+    kept: list[Sure] = []
     for number, lamp, sigma in lamps:
-        if all(np.abs(lamp.middle - known.middle).max() > min(lamp.sizes) / 2 for _, known, _ in found):
-            found.append((number, lamp, sigma))
-    return found
+        if all(np.abs(lamp.middle - other.middle).max() > min(lamp.sizes) / 2 for _, other, _ in kept):
+            kept.append((number, lamp, sigma))
+    return kept
 
 
 def _compact(view: View, detections: Sequence[Detection], lamps: Sequence[Sure], first: int) -> list[Feature]:
@@ -116,14 +118,14 @@ def _compact(view: View, detections: Sequence[Detection], lamps: Sequence[Sure],
     return features
 
 
-def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], own: Set[int]) -> list[Feature]:
+def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], numbers: Set[int]) -> list[Feature]:
     """Features of lamps whose ends the picture does not show, from the network's probability; compact ones with an
     instance from `OUTLINED` where they stand out all the same, as in a lit case."""
-    if not own:
+    if not numbers:
         return []
-    shared = {id(detections[number].probability): detections[number].probability for number in own}
+    shared = {id(detections[number].probability): detections[number].probability for number in numbers}
     seen: Singles = np.asarray(SEEN * np.maximum.reduce(list(shared.values())), np.float32)
-    again = [seed for seed in seeds_of(seen, detections) if seed.number in own]
+    again = [seed for seed in seeds_of(seen, detections) if seed.number in numbers]
     bodies = [replace(body, instance=MASKED + body.instance) for body in strips(seen, again)]
     features = [feature for body in bodies for feature in _strip(view, detections, body, BY_MASK_PX)]
     taken = {number for body in bodies for number in body.numbers}

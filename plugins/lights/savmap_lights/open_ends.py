@@ -1,13 +1,11 @@
-"""What of the line of lamps is not known: strips of which one end was never seen are as long as the others, where most
-of these are alike, otherwise mapped as far as they were seen, with a standard deviation that says so; light that no
-lamp explains is told."""
+"""What of lamps is not measured: an end out of sight, light that no lamp explains, and the space that they fill."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from savmap.plugin import Structure, Track
+from savmap.plugin import Floats, Solid, Structure, Track
 from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, SIDES, SIDES_NOT_SEEN, UNKNOWN_M
 from savmap_lights.tracking import BEFORE, BEYOND, BY_MASK, OFTEN, SEEN_TO
 
@@ -27,11 +25,9 @@ def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> li
     """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp
     explains, and how often that between was seen for each time that the lamps on either side of it were."""
     often = {lamp: round(10 * share, 2) for lamp, share in _by_lamp(tracks, OFTEN).items()}
-    told = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
-    return [
-        replace(lamp, attributes={**lamp.attributes, **{name: x[lamp.id] for name, x in told.items() if lamp.id in x}})
-        for lamp in lamps
-    ]
+    values = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
+    said = {lamp.id: {name: x[lamp.id] for name, x in values.items() if lamp.id in x} for lamp in lamps}
+    return [replace(lamp, attributes={**lamp.attributes, **said[lamp.id]}) for lamp in lamps]
 
 
 def with_unseen_sides(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
@@ -66,13 +62,13 @@ def common_length(strips: Sequence[Structure]) -> float | None:
 def _opened(lamp: Structure, seen_to: float, length: float | None, lamps: Sequence[Structure]) -> Structure:
     here = lamp.vertices[0]
     way = 1.0 if lamp.vertex_labels[0] == "end 0" else -1.0
-    known = length is not None and way * (seen_to - here[0]) > ENOUGH * length
+    has_usual_length = length is not None and way * (seen_to - here[0]) > ENOUGH * length
     far, covariance = here.copy(), lamp.covariances[0].copy()
-    if known and length is not None:
+    if has_usual_length and length is not None:
         far[0] = here[0] + way * length
         covariance[0, 0] += ALIKE_M**2
-        known = not _is_another_there(lamp, float(far[0]), way, lamps)
-    if not known:
+        has_usual_length = not _is_another_there(lamp, float(far[0]), way, lamps)
+    if not has_usual_length:
         far[0] = seen_to
         covariance[0, :] = covariance[:, 0] = 0.0
         covariance[0, 0] = UNKNOWN_M**2
@@ -93,3 +89,30 @@ def _is_another_there(lamp: Structure, far: float, way: float, lamps: Sequence[S
     others = np.concatenate([[np.inf], *(other.vertices[:, 0] for other in lamps if other is not lamp)])
     ahead = way * (others - lamp.vertices[0, 0])
     return bool(((ahead > 0) & (ahead < way * (far - lamp.vertices[0, 0]) - ALIKE_M)).any())
+
+
+STRIP_M, COMPACT_M, THICKNESS_M = 0.12, 0.4, 0.08
+"""Width of a strip, side of a compact lamp, and height of both: usual sizes of lamps in halls."""
+SHORTEST_M = 1e-3
+UP = np.array([0.0, 1.0, 0.0])
+
+
+def with_solids(structures: Sequence[Structure]) -> list[Structure]:
+    """Lamps with the space around what was mapped, which is the middle of their height."""
+    return [replace(lamp, solid=_solid(lamp.vertices)) for lamp in structures]
+
+
+def _solid(vertices: Floats) -> Solid | None:
+    """Of two ends or of a centre; None where a strip's ends lie above one another."""
+    along = (vertices[-1] - vertices[0]) * [1.0, 0.0, 1.0]
+    length = float(np.linalg.norm(along))
+    if length < SHORTEST_M and len(vertices) > 1:
+        return None
+    way = along / length if len(vertices) > 1 else np.array([1.0, 0.0, 0.0])
+    half = (STRIP_M if len(vertices) > 1 else COMPACT_M) / 2
+    across = half * np.cross(way, UP)
+    first, last = (
+        (vertices[0], vertices[-1]) if len(vertices) > 1 else (vertices[0] - half * way, vertices[0] + half * way)
+    )
+    outline = np.array([first - across, last - across, last + across, first + across])
+    return Solid(outline - THICKNESS_M / 2 * UP, THICKNESS_M * UP, assumed=True, ifc_class="IfcLightFixture")

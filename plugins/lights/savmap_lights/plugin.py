@@ -11,9 +11,8 @@ import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.doubts import doubts_of, is_whole
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import with_light_beyond, with_open_ends, with_unseen_sides
+from savmap_lights.open_ends import with_light_beyond, with_open_ends, with_solids, with_unseen_sides
 from savmap_lights.scores import centre_of, score_lamps
-from savmap_lights.solids import with_solids
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
 
@@ -128,9 +127,9 @@ class Lights:
         """Every lamp's centre, which the row across the aisle sees too; its vertices' errors are taken for common to
         all of them."""
         return [
-            door.CrossRowLandmark(own.id, own.label, centre_of(own)[0], np.asarray(own.covariances.mean(axis=0)))
-            for own in structures
-            if is_whole(own)
+            door.CrossRowLandmark(lamp.id, lamp.label, centre_of(lamp)[0], np.asarray(lamp.covariances.mean(axis=0)))
+            for lamp in structures
+            if is_whole(lamp)
         ]
 
     @hookimpl
@@ -145,7 +144,7 @@ class Lights:
     @hookimpl
     def survey_entry(self, structures: Sequence[Structure]) -> door.SurveyEntry:
         """The lamps' ends."""
-        from savmap_lights.surveyed import survey_entry
+        from savmap_lights.scores import survey_entry
 
         return survey_entry(structures)
 

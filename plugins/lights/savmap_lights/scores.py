@@ -1,4 +1,4 @@
-"""Mapped lamps against a surveyor's sheet."""
+"""Mapped lamps against a surveyor's sheet, and a survey's entry out of what somebody measured of lamps."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import savmap.plugin as door
-from savmap.plugin import Bools, Floats, Structure
+from savmap.plugin import Bools, Floats, Structure, SurveyEntry
 from savmap_lights.doubts import is_whole
 
 GATE_M = 1.0
@@ -30,8 +30,8 @@ def score_lamps(lamps: Sequence[Structure], surveyed: Floats, ends_x: tuple[floa
     lamps = [lamp for lamp in lamps if is_whole(lamp)]
     middles = surveyed.mean(axis=1)
     score = door.score_points(lamps, middles[:, None], GATE_M, "lights", ends_x, centre_of, over_aisle(lamps, middles))
-    found = [lamp for lamp in lamps if np.isfinite(score.deviations.get(lamp.id, np.inf)) and len(lamp.vertices) == 2]
-    ends = [distances for lamp in found if (distances := _ends_apart(lamp, surveyed)) is not None]
+    matched = [lamp for lamp in lamps if np.isfinite(score.deviations.get(lamp.id, np.inf)) and len(lamp.vertices) == 2]
+    ends = [distances for lamp in matched if (distances := _ends_apart(lamp, surveyed)) is not None]
     if not ends:
         return score
     return replace(score, apart={**score.apart, ENDS: door.Distances(np.concatenate(ends))})
@@ -57,3 +57,30 @@ def _ends_apart(lamp: Structure, surveyed: Floats) -> Floats | None:
         return None
     ways = [np.linalg.norm(lamp.vertices - order, axis=1) for order in (ends, ends[::-1])]
     return np.asarray(min(ways, key=lambda distances: float(distances.sum())))
+
+
+LONGER = 1.5
+"""How much longer than wide a strip is; others are compact."""
+NEAR_END = 0.1
+"""The share of a strip's length that counts as its end."""
+
+
+def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
+    """The lamps with the ends of their long axes, which are one for compact ones."""
+    return SurveyEntry({"lights": [{"ends": _ends(lamp.vertices).tolist()} for lamp in structures]})
+
+
+def _ends(points: Floats) -> Floats:
+    """The ends (2, 3) of a lamp out of its points (n, 3): the middles of those at either end of the direction in which
+    it is longest."""
+    if len(points) == 2:
+        return points
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2]
+    along = (points - middle) @ axes.T
+    lengths = np.sort(np.ptp(along, axis=0))
+    if len(points) < 3 or lengths[-1] < LONGER * lengths[-2]:
+        return np.array([middle, middle])
+    way = along[:, np.argmax(np.ptp(along, axis=0))]
+    near = NEAR_END * lengths[-1]
+    return np.array([points[way <= way.min() + near].mean(axis=0), points[way >= way.max() - near].mean(axis=0)])

@@ -65,10 +65,10 @@ def _tracks(
     named = [(number, part, place) for number, lamp in enumerate(lamps) for part, place in lamp.items()]
     rays, index = _rays(named, marks, level_m, facts)
     fitted = fit(rays, level_m)
-    aside = (
+    across_m = (
         marks.sightings.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.sightings.slopes[index, 1]
     )
-    agree, wider = scatter(aside, rays.sigma, rays.place, fitted.kept)
+    agree, wider = scatter(across_m, rays.sigma, rays.place, fitted.kept)
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     tracks = []
     for number, (lamp, part, place) in enumerate(named):

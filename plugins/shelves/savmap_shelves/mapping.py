@@ -89,8 +89,8 @@ def _structure(
 
 def _top(upright: int, beams: Sequence[Structure]) -> float:
     """The highest edge beside an upright, or of all where no beam is beside it."""
-    beside = [beam for beam in beams if beam.attributes["bay"] in (upright - 1, upright)]
-    return max((float(beam.vertices[:, 1].max()) for beam in beside or beams), default=0.0)
+    adjacent = [beam for beam in beams if beam.attributes["bay"] in (upright - 1, upright)]
+    return max((float(beam.vertices[:, 1].max()) for beam in adjacent or beams), default=0.0)
 
 
 def _at_height(landmark: Landmark, y: float, sigma: float) -> tuple[Floats, Floats]:

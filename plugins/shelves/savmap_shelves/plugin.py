@@ -103,8 +103,8 @@ class Shelves:
         from savmap_shelves.evidence import absent_beams, expected_grid, outlines, tracked_grid
 
         tracked = tracked_grid(points)
-        found = expected_grid(evidence[0], tracked, floor=floor) if tracked else None
-        return [*outlines(found), *absent_beams(tracked, found)] if tracked and found else []
+        expected = expected_grid(evidence[0], tracked, floor=floor) if tracked else None
+        return [*outlines(expected), *absent_beams(tracked, expected)] if tracked and expected else []
 
     @hookimpl
     def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:
@@ -132,13 +132,13 @@ class Shelves:
 
     @hookimpl
     def openings(self, structures: Sequence[Structure]) -> list[Structure]:
-        from savmap_shelves.report.openings import openings
+        from savmap_shelves.report.slots import openings
 
         return openings(structures, self.name)
 
     @hookimpl
     def places(self, structures: Sequence[Structure], joint: JointCovariance | None) -> list[Structure]:
-        from savmap_shelves.report.openings import places
+        from savmap_shelves.report.slots import places
 
         return places(structures, self.name, joint)
 
@@ -156,7 +156,7 @@ class Shelves:
 
     @hookimpl
     def survey_entry(self, structures: Sequence[Structure]) -> "SurveyEntry":
-        from savmap_shelves.report.surveyed import survey_entry
+        from savmap_shelves.report.evaluation import survey_entry
 
         return survey_entry(structures)
 
@@ -164,7 +164,7 @@ class Shelves:
     def draw(
         self, structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
     ) -> "tuple[Drawing, ...]":
-        from savmap_shelves.report.drawing import draw
+        from savmap_shelves.report.evaluation import draw
 
         return draw(structures, survey, deviations)
 
@@ -181,7 +181,7 @@ class Shelves:
             write_json(site, path, self.name)
 
         def write_all(site: "SiteMap", path: Path) -> None:
-            from savmap_shelves.report.element_files import write_elements
+            from savmap_shelves.report.slot_files import write_elements
 
             write_elements(site, path, self.name)
 

@@ -57,7 +57,8 @@ def which_hand(face: Face, side: Side | None) -> tuple[str, ...]:
         return ()
     other = "right" if face.hand == "left" else "left"
     return (
-        f"there are racks on both sides; the one on the {face.hand} of the way is mapped; `--side {other}`, in a site file `side: {other}`, maps the other",
+        f"there are racks on both sides; the one on the {face.hand} of the way is mapped; "
+        f"`--side {other}`, in a site file `side: {other}`, maps the other",
     )
 
 

@@ -263,9 +263,9 @@ def _outermost_line(
     slopes, heights = slopes[plausible], heights[plausible]
     if not len(slopes):
         return None
-    known = np.where(np.isfinite(edges), edges, np.inf)
+    places = np.where(np.isfinite(edges), edges, np.inf)
     lines = heights[:, None] + slopes[:, None] * offsets[None]
-    residuals = np.abs(known[None] - lines[..., None]).min(axis=-1)
+    residuals = np.abs(places[None] - lines[..., None]).min(axis=-1)
     inliers = (residuals < tolerance).mean(axis=1)
     scores = np.clip(1 - residuals / tolerance, 0, 1).mean(axis=1) * np.exp(-0.5 * (heights / reach) ** 2)
     good = (inliers >= LEAST_INLIER_SHARE) & (scores >= LEAST_SCORE_SHARE * scores.max())
@@ -273,7 +273,7 @@ def _outermost_line(
         return None
     outermost = (outwards * heights[good]).max()
     near = good & (outwards * heights > outermost - tolerance)
-    return _fit_line(offsets, known, lines[int(np.where(near, scores, -1.0).argmax())], tolerance)
+    return _fit_line(offsets, places, lines[int(np.where(near, scores, -1.0).argmax())], tolerance)
 
 
 def _line_hypotheses(columns: Floats, edges: Floats) -> tuple[Floats, Floats]:

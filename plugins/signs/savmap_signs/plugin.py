@@ -115,7 +115,7 @@ class Signs:
 
     @hookimpl
     def survey_entry(self, structures: Sequence[Structure]) -> SurveyEntry:
-        from savmap_signs.surveyed import survey_entry
+        from savmap_signs.evaluation import survey_entry
 
         return survey_entry(structures)
 

@@ -30,7 +30,8 @@ class Settings(BaseModel):
     read_every: Annotated[int, Field(gt=0)] = 1
     """Texts and codes are read in every n-th of the frames in which signs are searched for."""
     pattern: str | None = None
-    r"""A regular expression that every text must match as a whole, such as `[A-Z]\d{2}-\d{2}`. Other texts are ignored."""
+    r"""A regular expression that every text must match as a whole, such as `[A-Z]\d{2}-\d{2}`. Other texts are
+    ignored."""
     least_confidence: Annotated[float, Field(ge=0, le=1)] = 0.6
     """A text of less confidence, voted from all readings of a sign, is left out."""
     shape: Literal["rectangle", "flat"] = "rectangle"

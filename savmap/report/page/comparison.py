@@ -1,14 +1,11 @@
 """The page of a comparison: both dates of each row over one another, their orthophotos side by side, and a table of
 what changed."""
 
-import base64
-import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from markupsafe import Markup
 
 from savmap.files.atomic import write_bytes
 from savmap.maps.comparison import CHANGES, Comparison, ElementChange, RowComparison, State
@@ -25,7 +22,7 @@ from savmap.report.numbers import anchors
 from savmap.report.orthophotos import photo_view
 from savmap.report.page.tables import Cell, Line, Table, heads
 from savmap.report.scene import MM, Figure, Layer, Shape, frame_of, joined, metre_grid
-from savmap.report.templating import rendered, resource
+from savmap.report.templating import rendered_page
 from savmap.types import Drawing, Floats, Orthophoto, RowMap, SiteMap, Structure
 
 Key = tuple[str, str]
@@ -38,6 +35,8 @@ LEGEND = (
     ("gone line", "missing"),
     ("added line", "was not there"),
 )
+ORDER = ("missing", "new", "moved", "changed", "not seen")
+"""Of the states in a table."""
 STYLES: Mapping[State, str] = {"moved": "off line", "changed": "off line", "missing": "gone line", "new": "added line"}
 
 
@@ -57,17 +56,18 @@ class Dates:
 
 @dataclass(frozen=True, eq=False)
 class RowSection:
-    """A row of the page: name, anchor, what is said of it, pictures, orthophotos and the table."""
+    """A row that both dates have: what is said of it and the table of what changed; on the page of a comparison, also
+    its anchor, pictures and orthophotos."""
 
     name: str
-    anchor: str
     motion: str
     scale: str
     counts: str
     warnings: tuple[str, ...]
-    figures: tuple[Figure, ...]
-    photos: tuple[Figure, ...]
     table: Table
+    anchor: str = ""
+    figures: tuple[Figure, ...] = ()
+    photos: tuple[Figure, ...] = ()
 
 
 def write_comparison(dates: Dates, path: Path) -> None:
@@ -76,15 +76,11 @@ def write_comparison(dates: Dates, path: Path) -> None:
 
 
 def comparison_page(dates: Dates) -> str:
-    """The page. It loads nothing, and only its own script may run in it (by its digest)."""
-    script = resource("page.js")
+    """The page as HTML."""
     names = anchors([row.new for row in dates.comparison.rows])
-    return rendered(
+    return rendered_page(
         "comparison.html.jinja",
         dates=dates,
-        style=Markup(resource("figure.css") + resource("page.css")),
-        script=Markup(script),
-        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         sections=[_section(dates, row, names[row.new]) for row in dates.comparison.rows],
         tiles=_tiles(dates.comparison),
         renamed=list(renamed_lines(dates.comparison)),
@@ -93,47 +89,48 @@ def comparison_page(dates: Dates) -> str:
 
 def _tiles(comparison: Comparison) -> list[tuple[str, str]]:
     """What the reader wants to know first."""
-    elements = [one for row in comparison.rows for one in row.elements]
-    openings = [one for row in comparison.rows for one in row.openings]
+    elements = [change for row in comparison.rows for change in row.elements]
+    openings = [change for row in comparison.rows for change in row.openings]
     tiles = [("rows compared", str(sum(row.motion is not None for row in comparison.rows)))]
     tiles += [("rows missing", str(len(comparison.missing)))] if comparison.missing else []
     tiles += [("rows new", str(len(comparison.new)))] if comparison.new else []
     scaled = sum(row.scale_differs for row in comparison.rows)
     tiles += [("rows of another scale", str(scaled))] if scaled else []
     for state in ("same", *CHANGES, "not seen"):
-        tiles.append((state, str(sum(one.state == state for one in elements))))
-    return [*tiles, ("openings changed", str(sum(one.state in CHANGES for one in openings)))]
+        tiles.append((state, str(sum(change.state == state for change in elements))))
+    return [*tiles, ("openings changed", str(sum(change.state in CHANGES for change in openings)))]
 
 
 def _section(dates: Dates, row: RowComparison, anchor: str) -> RowSection:
-    drawn = row.motion is not None
-    return RowSection(
-        row.new,
-        anchor,
-        motion_text(row.motion),
-        scale_text(row),
-        counts_text(row),
-        remarks(row),
-        (_elevation(dates, row, anchor),) if drawn else (),
-        tuple(_photos(dates, row, anchor)),
-        change_table(row, f"{anchor}-changes"),
-    )
+    figures = (_elevation(dates, row, anchor),) if row.motion is not None else ()
+    photos = tuple(_photos(dates, row, anchor))
+    return replace(_changes(row, f"{anchor}-changes"), anchor=anchor, figures=figures, photos=photos)
+
+
+def row_changes(comparison: Comparison) -> list[RowSection]:
+    """The rows that both dates have, without pictures."""
+    return [_changes(row, f"changes-{number}") for number, row in enumerate(comparison.rows, 1)]
+
+
+def _changes(row: RowComparison, table_id: str) -> RowSection:
+    texts = motion_text(row.motion), scale_text(row), counts_text(row)
+    return RowSection(row.new, *texts, remarks(row), change_table(row, table_id))
 
 
 def _structures(row: RowMap) -> dict[Key, Structure]:
-    return {(plugin, one.id): one for plugin, group in row.structures.items() for one in group}
+    return {(plugin, structure.id): structure for plugin, group in row.structures.items() for structure in group}
 
 
 def _elevation(dates: Dates, row: RowComparison, anchor: str) -> Figure:
     """Both dates over one another, in the new row's frame, in millimetres, as one faces the row."""
     motion = row.motion
     old, new = _structures(dates.old.rows[row.old]), _structures(dates.new.rows[row.new])
-    carried = {key: motion.points(one.vertices) if motion else one.vertices for key, one in old.items()}
-    points = [_flat(part) for part in (*carried.values(), *(one.vertices for one in new.values()), np.zeros((1, 3)))]
+    carried = {key: motion.points(part.vertices) if motion else part.vertices for key, part in old.items()}
+    points = [_flat(part) for part in (*carried.values(), *(part.vertices for part in new.values()), np.zeros((1, 3)))]
     frame = frame_of(np.concatenate(points), MARGIN_MM, PARTS)
     grid, labels = metre_grid(frame, -1)
-    before = Shape(joined(line for key, one in old.items() for line in _lines(carried[key], one)))
-    after = Shape(joined(line for one in new.values() for line in _lines(one.vertices, one)))
+    before = Shape(joined(line for key, part in old.items() for line in _lines(carried[key], part)))
+    after = Shape(joined(line for part in new.values() for line in _lines(part.vertices, part)))
     layers = [grid, Layer("before line", (before,)), Layer("mapped structure", (after,))]
     for state, style in STYLES.items():
         shapes = tuple(_changed(row, state, old, carried, new))
@@ -189,10 +186,10 @@ def _photos(dates: Dates, row: RowComparison, anchor: str) -> Iterator[Figure]:
     maps = _structures(dates.old.rows[row.old]), _structures(dates.new.rows[row.new])
     if photos[0] is None or photos[1] is None:
         return
-    changes = [one for one in row.elements if one.state in CHANGES]
+    changes = [change for change in row.elements if change.state in CHANGES]
     for date, photo, structures in zip(("old", "new"), photos, maps, strict=True):
-        keys = [(one.plugin, name) for one in changes if (name := one.old_id if date == "old" else one.new_id)]
-        drawings = [_outline(structures[key]) for key in keys]
+        ids = [(change.plugin, change.old_id if date == "old" else change.new_id) for change in changes]
+        drawings = [_outline(structures[plugin, name]) for plugin, name in ids if name]
         if photo is not None:
             yield photo_view(f"{row.new}, {date}", photo, drawings, None, f"{anchor}-{date}")
 
@@ -204,53 +201,22 @@ def _outline(structure: Structure) -> Drawing:
     return Drawing("polygon", around, "off", "structure", "changed", ("face",), name=structure.id)
 
 
-@dataclass(frozen=True, eq=False)
-class RowChanges:
-    """What a report says of a row that an earlier map has, too."""
-
-    name: str
-    motion: str
-    scale: str
-    warnings: tuple[str, ...]
-    counts: str
-    table: Table
-
-
-def row_changes(comparison: Comparison) -> list[RowChanges]:
-    """The rows that both dates have, without pictures."""
-    return [
-        RowChanges(
-            row.new,
-            motion_text(row.motion),
-            scale_text(row),
-            remarks(row),
-            counts_text(row),
-            change_table(row, f"changes-{number}"),
-        )
-        for number, row in enumerate(comparison.rows, 1)
-    ]
-
-
 def change_table(row: RowComparison, anchor: str) -> Table:
     """What changed, and of what no one can tell."""
-    shown = [*row.changes, *(one for one in row.elements if one.state == "not seen")]
+    shown = [*row.changes, *(change for change in row.elements if change.state == "not seen")]
+    shown.sort(key=lambda change: (ORDER.index(change.state), float(change.position_m[0])))
     return Table(
         anchor,
         "What is not as it was, or was not seen on one of the dates",
         heads("'element", "'state", "'what", "sigmas", "p"),
-        tuple(Line(tuple(_cells(one)), "off" if one.state in CHANGES else "") for one in _ordered(shown)),
+        tuple(Line(tuple(_cells(change)), "off" if change.state in CHANGES else "") for change in shown),
     )
-
-
-def _ordered(changes: Sequence[ElementChange]) -> list[ElementChange]:
-    order = {state: k for k, state in enumerate(("missing", "new", "moved", "changed", "not seen"))}
-    return sorted(changes, key=lambda one: (order.get(one.state, 9), float(one.position_m[0])))
 
 
 def _cells(change: ElementChange) -> Iterator[Cell]:
     yield Cell(change_name(change))
     yield Cell(change.state)
     yield Cell(change_text(change), style="words")
-    sigmas = max((one.sigmas for one in change.significant), default=0.0)
+    sigmas = max((difference.sigmas for difference in change.significant), default=0.0)
     yield Cell(f"{sigmas:.1f}", sigmas) if sigmas else Cell("")
     yield Cell(f"{change.p:.0e}", change.p) if change.differences else Cell("")

@@ -64,15 +64,15 @@ def _subjects(row: RowMap) -> Iterator[Subject]:
     doubts = row.verdict.doubts if row.verdict else ()
     shown = [subject for doubt in doubts if (subject := _subject(doubt, structures)) is not None][:MOST_VIEWS]
     yield from shown
-    told = frozenset[Key]().union(*(keys for _, _, keys in shown))
-    weakest = sorted((key for key in structures if key not in told), key=lambda key: _support(structures[key]))
+    shown_keys = frozenset[Key]().union(*(keys for _, _, keys in shown))
+    weakest = sorted((key for key in structures if key not in shown_keys), key=lambda key: _support(structures[key]))
     for key in weakest[: max(USUAL_VIEWS - len(shown), 0)]:
         what = f"{key[1]}: supported by {_support(structures[key]):.0%} of the frames"
         yield what, structures[key].vertices, frozenset({key})
 
 
 def _structures(row: RowMap) -> dict[Key, Structure]:
-    return {(plugin, one.id): one for plugin, group in row.structures.items() for one in group}
+    return {(plugin, structure.id): structure for plugin, group in row.structures.items() for structure in group}
 
 
 def _subject(doubt: Doubt, structures: Mapping[Key, Structure]) -> Subject | None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.report.numbers import shortened
 from savmap.report.page.summary import Summary
-from savmap.report.page.ties import is_tie_off, tie_hint
+from savmap.report.page.tables import is_tie_off, tie_hint
 from savmap.report.row_views import camera_paths, drawn_in
 from savmap.report.scene import MM, Figure, Label, Layer, Shape, frame_of, joined, metre_grid, path
 from savmap.types import CrossRowMatch, Drawing, Floats, Placement, SiteMap
@@ -41,11 +41,6 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
         legend=_legend(drawn.values(), bool(failed), ties),
         axes=("x", "z", 1),
     )
-
-
-def without_place(rows: Sequence[Summary], site: SiteMap) -> list[str]:
-    """Names of the rows whose place in the site's frame is not known."""
-    return [row.name for row in rows if row.name not in site.placements]
 
 
 def _outlines(row: Summary) -> list[Floats]:

@@ -4,6 +4,7 @@ attention."""
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -143,7 +144,7 @@ def summaries(report: Report) -> tuple[Summary, ...]:
             place=site.placements.get(name),
             photo=report.photos.get(name),
             stills=tuple(report.stills.get(name, ())),
-            places=tuple(own for group in report.places.get(name, {}).values() for own in group),
+            places=tuple(chain.from_iterable(report.places.get(name, {}).values())),
         )
         for name in names
     )

@@ -1,15 +1,31 @@
-"""Tables of the page as records (cells with their text and what they are sorted by), and the tables of rows, footage,
-openings and references."""
+"""Tables of the page as records: cells with their text and what they are sorted by.
 
-from collections.abc import Iterator, Sequence
+Rows, footage, openings and references; errors against the survey, times of the run, ties between rows, places in the
+user's world."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from savmap.maps.run_record import RowRun, RunLog
 from savmap.maps.search import PART
-from savmap.report.numbers import NOTHING, centimetres, fixed
+from savmap.report.evaluation import all_errors, named_counts, statistics
+from savmap.report.numbers import NOTHING, centimetres, duration, fixed, natural
 from savmap.report.page.summary import OFF, Summary, total_counts
-from savmap.types import ReferenceUse, RowMap, Structure
+from savmap.types import (
+    Alignment,
+    AlignmentResidual,
+    CrossRowMatch,
+    Distances,
+    Floats,
+    ReferenceUse,
+    RowMap,
+    Score,
+    Structure,
+)
+from savmap.types.maps import OFF_SIGMAS
 
 ASSUMED = "assumed"
 """The attribute in which a place says which of its sizes rest on what nothing measured."""
@@ -117,28 +133,30 @@ def footage_table(rows: Sequence[Summary]) -> Table:
 def openings_table(row: Summary) -> Table | None:
     """A line for each place of a row that has sizes, such as a bay, with a column for each part of it, such as a level;
     None where there is none."""
-    parts: dict[str, dict[str, Structure]] = {}
+    levels: dict[str, dict[str, Structure]] = {}
     for place in row.places:
-        whole, _, part = place.id.partition(PART)
-        parts.setdefault(whole, {})[part] = place
-    wholes = {name: own for name, own in parts.items() if "" in own and any(any(one.sizes()) for one in own.values())}
-    if not wholes:
+        bay, _, level = place.id.partition(PART)
+        levels.setdefault(bay, {})[level] = place
+    bays = {
+        bay: parts
+        for bay, parts in levels.items()
+        if "" in parts and any(any(place.sizes()) for place in parts.values())
+    }
+    if not bays:
         return None
-    sizes = list(dict.fromkeys(size for own in wholes.values() for size, _, _ in own[""].sizes()))
-    columns = dict.fromkeys(
-        (part, size)
-        for own in wholes.values()
-        for part, place in own.items()
+    sizes = dict.fromkeys(("", size) for parts in bays.values() for size, _, _ in parts[""].sizes())
+    columns = sizes | dict.fromkeys(
+        (level, size)
+        for parts in bays.values()
+        for level, place in parts.items()
         for size, _, _ in place.sizes()
-        if part and size not in sizes
+        if level and ("", size) not in sizes
     )
-    label = next(iter(wholes.values()))[""].label
-    names = (label, *(f"{size}, m" for size in sizes), *(f"{part}: {size}, m" for part, size in columns))
+    label = next(iter(bays.values()))[""].label
+    names = (label, *(f"{level}: {size}, m" if level else f"{size}, m" for level, size in columns))
     lines = tuple(
-        Line(
-            (Cell(name), *(_size_cell(own.get(part), size) for part, size in [*(("", one) for one in sizes), *columns]))
-        )
-        for name, own in wholes.items()
+        Line((Cell(bay), *(_size_cell(parts.get(level), size) for level, size in columns)))
+        for bay, parts in bays.items()
     )
     caption = "Openings, \u00b1 a standard deviation; \u2013: open, or not known"
     return Table(f"{row.anchor}-openings", caption, heads(*names), lines)
@@ -191,11 +209,11 @@ def _pass_lines(row: Summary, mapped: RowMap) -> Iterator[Line]:
 
 def _size_cell(place: Structure | None, size: str) -> Cell:
     """A size of a place with its standard deviation; one that rests on something that nothing measured looks so."""
-    found = next(((value, sigma) for name, value, sigma in place.sizes() if name == size), None) if place else None
-    if place is None or found is None:
+    size_found = next(((value, sigma) for name, value, sigma in place.sizes() if name == size), None) if place else None
+    if place is None or size_found is None:
         return Cell(NOTHING)
     style = "assumed" if size in str(place.attributes.get(ASSUMED, "")) else ""
-    return Cell(fixed(found[0], 3), found[0], style, note=f"\u00b1 {fixed(found[1], 3)}")
+    return Cell(fixed(size_found[0], 3), size_found[0], style, note=f"\u00b1 {fixed(size_found[1], 3)}")
 
 
 def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
@@ -212,3 +230,221 @@ def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
         Cell(reference.unit),
     )
     return Line(cells, "off" if reference.state in OFF else "")
+
+
+STATISTICS = ("count", "mean, cm", "mean abs, cm", "95 %, cm", "largest, cm")
+
+
+def class_table(score: Score) -> Table:
+    """By class of measure: count, mean, mean absolute error, 95th percentile and largest of its size."""
+    classes = [_error_line(name, errors) for name, errors in score.errors.items()]
+    total = [_error_line("all of these", all_errors(score), "sum")] if len(score.errors) > 1 else []
+    edges = [_error_line(f"{name} (place in the row)", errors) for name, errors in score.coordinates.items()]
+    lines = (*classes, *total, *edges)
+    return Table("errors-by-class", "Truth \u2212 estimate by class", heads("class", *STATISTICS), lines)
+
+
+def distance_table(distances: Mapping[str, Distances]) -> Table:
+    """Points scored by their distance to the survey's."""
+    names = ("what", "matched", "mean, cm", "95 %, cm", "largest, cm", "missing", "spurious")
+    lines = tuple(_distance_line(name, part) for name, part in distances.items())
+    return Table("errors-apart", "Distance to the surveyed place", heads(*names), lines)
+
+
+def row_errors(rows: Sequence[Summary]) -> Table:
+    """Each scored row's mean absolute error as a bar, its statistics, and what is missing or spurious."""
+    scored = [(row, row.score) for row in rows if row.score]
+    largest = max((row.error_m or 0.0 for row, _ in scored), default=0.0)
+    names = ("row", "'mean absolute error", "cm", "95 %, cm", "count", "'missing", "'spurious")
+    lines = tuple(_row_error_line(row, score, largest) for row, score in scored)
+    return Table("errors-by-row", "Errors by row", heads(*names), lines)
+
+
+def _error_line(name: str, errors: Floats, style: str = "") -> Line:
+    given = statistics(errors)
+    sizes = (given.mean_absolute, given.percentile_95, given.largest)
+    cells = (centimetre_cell(given.mean, True), *map(centimetre_cell, sizes))
+    return Line((Cell(name), count_cell(given.count), *cells), style)
+
+
+def _distance_line(name: str, distances: Distances) -> Line:
+    given = statistics(distances.distances_m)
+    sizes = map(centimetre_cell, (given.mean, given.percentile_95, given.largest))
+    unmatched = map(count_cell, (distances.missing, distances.spurious))
+    return Line((Cell(name), count_cell(given.count), *sizes, *unmatched))
+
+
+def _row_error_line(row: Summary, score: Score, largest_m: float) -> Line:
+    given, error = statistics(all_errors(score)), row.error_m
+    share = (error or 0.0) / largest_m if largest_m else 0.0
+    cells = (
+        row_cell(row),
+        Cell("", error, bar=(Part(share, "error", f"{centimetres(error)} cm"),)),
+        centimetre_cell(error),
+        centimetre_cell(given.percentile_95),
+        count_cell(given.count),
+        Cell(named_counts(score.missing)),
+        Cell(named_counts(score.spurious)),
+    )
+    return Line(cells, "off" if any(score.missing.values()) or any(score.spurious.values()) else "")
+
+
+STAGE_STYLES = 10
+
+
+def stages(log: RunLog) -> dict[str, float]:
+    """Seconds on the clock by stage, over all rows, in the order of the rows' records."""
+    total: Counter[str] = Counter()  # of floats here, which it adds as well
+    for row in log.rows.values():
+        total.update(row.seconds)
+    return dict(total)
+
+
+def stage_styles(log: RunLog) -> dict[str, str]:
+    """The style, which is a colour, of each stage."""
+    return {name: f"stage-{k % STAGE_STYLES}" for k, name in enumerate(stages(log))}
+
+
+def stage_table(log: RunLog) -> Table:
+    """A line for each stage: seconds over all rows and its share of them."""
+    total, styles = stages(log), stage_styles(log)
+    whole, most = sum(total.values()) or 1.0, max(total.values(), default=0.0) or 1.0
+    lines = []
+    for name, seconds in total.items():
+        bar = (Part(seconds / most, styles[name], duration(seconds)),)
+        share = number_cell(100 * seconds / whole, 1)
+        lines.append(Line((Cell(name), Cell("", seconds, bar=bar), number_cell(seconds, 1), share)))
+    caption = "Stages over all rows; those that overlap count each by itself"
+    return Table("stages", caption, heads("stage", "'time", "time, s", "share, %"), tuple(lines))
+
+
+def time_table(rows: Sequence[Summary], log: RunLog) -> Table:
+    """A line for each row: its stages as one bar, seconds, frames, memory."""
+    longest = max((sum(run.seconds.values()) for run in log.rows.values()), default=0.0) or 1.0
+    names = ("row", "'state", "'stages", "time, s", "frames used", "frames skipped", "memory, MB")
+    styles = stage_styles(log)
+    lines = tuple(_time_line(row, row.run, styles, longest) for row in rows if row.run)
+    return Table("times", "Stages by row", heads(*names), lines)
+
+
+def _time_line(row: Summary, run: RowRun, styles: dict[str, str], longest: float) -> Line:
+    total = sum(run.seconds.values())
+    bar = tuple(
+        Part(seconds / longest, styles[name], f"{name} {duration(seconds)}") for name, seconds in run.seconds.items()
+    )
+    cells = (
+        row_cell(row),
+        Cell(row.status, style=f"badge {row.status}"),
+        Cell("", total, bar=bar),
+        number_cell(total, 1),
+        count_cell(run.used),
+        count_cell(run.skipped),
+        number_cell(run.peak_mb, 0),
+    )
+    return Line(cells, "failed" if row.row is None else "off" if run.skipped else "")
+
+
+AXES = "xyz"
+
+
+def largest_residual(tie: CrossRowMatch) -> float:
+    """The largest of its residuals in standard deviations; 0 where none is known."""
+    valid = ~np.isnan(tie.residual_m) & ~np.isnan(tie.sigma_m) & (tie.sigma_m > 0)
+    return float(np.abs(tie.residual_m[valid] / tie.sigma_m[valid]).max(initial=0.0))
+
+
+def is_tie_off(tie: CrossRowMatch) -> bool:
+    """Whether the two rows contradict each other there."""
+    return largest_residual(tie) > OFF_SIGMAS
+
+
+def tie_hint(tie: CrossRowMatch) -> str:
+    """Such as "A: upright 1 = B: upright 9, x +0.4 cm, z -1.0 cm (1.3 sigmas)"."""
+    residuals = ", ".join(
+        f"{axis} {centimetres(float(value), True)} cm"
+        for axis, value in zip(AXES, tie.residual_m, strict=True)
+        if not np.isnan(value)
+    )
+    sigmas = f"{largest_residual(tie):.2f} \u03c3"
+    return f"{tie.row_a}: {tie.id_a} = {tie.row_b}: {tie.id_b}, {residuals} ({sigmas})"
+
+
+def pair_table(ties: Sequence[CrossRowMatch]) -> Table:
+    """A line for each two rows that see the same structures."""
+    pairs: dict[tuple[str, str], list[CrossRowMatch]] = {}
+    for tie in ties:
+        pairs.setdefault((tie.row_a, tie.row_b), []).append(tie)
+    order = {name: k for k, name in enumerate(natural({name for pair in pairs for name in pair}))}
+    in_order = sorted(pairs, key=lambda pair: (order[pair[0]], order[pair[1]]))
+    lines = tuple(_pair_line(pair, pairs[pair]) for pair in in_order)
+    names = ("rows", "shared", "root mean square x, cm", "y, cm", "z, cm", "largest, \u03c3", "off by > 3 \u03c3")
+    return Table(
+        "ties-by-pair",
+        "Rows that see the same things, or share a camera path: what is left between them, along the site\u2019s axes",
+        heads(*names),
+        lines,
+    )
+
+
+def tie_table(ties: Sequence[CrossRowMatch], anchors: Mapping[str, str]) -> Table:
+    """A line for each structure that two rows see, the one that they place furthest apart first."""
+    names = ("thing", "'in row", "'is", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3")
+    lines = tuple(_tie_line(tie, anchors) for tie in sorted(ties, key=largest_residual, reverse=True))
+    caption = "What two rows share: what is left between its two places, along the site\u2019s axes"
+    return Table("ties", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
+
+
+def _pair_line(pair: tuple[str, str], ties: Sequence[CrossRowMatch]) -> Line:
+    residuals = np.array([tie.residual_m for tie in ties])
+    off = sum(1 for tie in ties if is_tie_off(tie))
+    cells = (
+        Cell(" \u2013 ".join(pair)),
+        count_cell(len(ties)),
+        *(centimetre_cell(_root_mean_square(residuals[:, axis])) for axis in range(3)),
+        number_cell(max(largest_residual(tie) for tie in ties), 2),
+        count_cell(off),
+    )
+    return Line(cells, "off" if off else "")
+
+
+def _tie_line(tie: CrossRowMatch, anchors: Mapping[str, str]) -> Line:
+    row_a, row_b = (Cell(name, link=f"#{anchors[name]}" if name in anchors else "") for name in (tie.row_a, tie.row_b))
+    axes = (None if np.isnan(value) else float(value) for value in tie.residual_m)
+    residuals = (centimetre_cell(value, True) for value in axes)
+    cells = (Cell(tie.id_a), row_a, Cell(tie.id_b), row_b, *residuals, number_cell(largest_residual(tie), 2))
+    return Line(cells, "off" if is_tie_off(tie) else "")
+
+
+def _root_mean_square(values: Floats) -> float | None:
+    valid = values[~np.isnan(values)]
+    return float(np.sqrt(np.mean(valid**2))) if len(valid) else None
+
+
+def alignment_facts(alignment: Alignment) -> tuple[tuple[str, str], ...]:
+    """Where the site's origin is in the user's world, and where its x axis points."""
+    x, y, turn = (float(sigma) for sigma in np.sqrt(np.diag(alignment.covariance)))
+    return (
+        ("origin x", f"{fixed(alignment.x_m, 3)} \u00b1 {fixed(x, 3)} m"),
+        ("origin y", f"{fixed(alignment.y_m, 3)} \u00b1 {fixed(y, 3)} m"),
+        ("origin z", f"{fixed(alignment.z_m, 3)} m"),
+        ("heading of the x axis", f"{fixed(alignment.heading_deg, 3)} \u00b1 {fixed(turn, 3)}\u00b0"),
+    )
+
+
+def alignment_table(alignment: Alignment) -> Table:
+    """A line for each known place."""
+    names = ("place", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3", "'used")
+    lines = tuple(map(_alignment_line, alignment.residuals))
+    return Table("alignment", "Known places: given less mapped, along your world\u2019s axes", heads(*names), lines)
+
+
+def _alignment_line(residual: AlignmentResidual) -> Line:
+    axes = (None if np.isnan(value) else float(value) for value in residual.residual_m)
+    cells = (
+        Cell(residual.at),
+        Cell(residual.row),
+        *(centimetre_cell(value, True) for value in axes),
+        number_cell(residual.deviation, 1),
+        Cell("yes" if residual.used else "left out"),
+    )
+    return Line(cells, "off" if residual.deviation > OFF_SIGMAS or not residual.used else "")

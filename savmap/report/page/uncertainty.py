@@ -17,7 +17,9 @@ _FIRST_M, _LAST_M, _BINS = 1e-4, 1.0, 32
 def hints(row: Summary) -> Mapping[str, str]:
     """By structure id: its sizes and standard deviations, and how far it is off the survey."""
     deviations = row.score.deviations if row.score else {}
-    return {one.id: _hint(one, assumed, deviations.get(one.id)) for one, assumed in _structures(row)}
+    return {
+        structure.id: _hint(structure, assumed, deviations.get(structure.id)) for structure, assumed in _structures(row)
+    }
 
 
 def sigma_table(rows: Sequence[Summary]) -> Table:

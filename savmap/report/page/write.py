@@ -1,26 +1,43 @@
 """The page from a report: records put into templates, with style and script, written whole."""
 
-import base64
-import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from markupsafe import Markup
+import numpy as np
 
 from savmap.files.atomic import write_bytes
 from savmap.report.box_plot import box_plot
-from savmap.report.page.alignment import alignment_facts, alignment_table
+from savmap.report.evaluation import mean_absolute_error, named_counts
+from savmap.report.numbers import centimetres, duration, fixed
+from savmap.report.orthophotos import photo_view
 from savmap.report.page.comparison import row_changes
-from savmap.report.page.errors import class_table, distance_table, row_errors
-from savmap.report.page.sections import section, tiles
-from savmap.report.page.site_plan import site_plan, without_place
-from savmap.report.page.summary import Report, Summary, summaries
-from savmap.report.page.tables import footage_table, reference_table, row_table
-from savmap.report.page.ties import pair_table, tie_table
-from savmap.report.page.times import stage_styles, stage_table, time_table
-from savmap.report.page.uncertainty import sigma_table
-from savmap.report.templating import rendered, resource
-from savmap.types import Alignment, Score, pool
+from savmap.report.page.footage import FootageView, footage_views
+from savmap.report.page.site_plan import site_plan
+from savmap.report.page.summary import Report, Summary, summaries, total_counts
+from savmap.report.page.tables import (
+    Table,
+    alignment_facts,
+    alignment_table,
+    class_table,
+    distance_table,
+    footage_table,
+    is_tie_off,
+    openings_table,
+    pair_table,
+    reference_table,
+    row_errors,
+    row_table,
+    stage_styles,
+    stage_table,
+    tie_table,
+    time_table,
+)
+from savmap.report.page.uncertainty import hints, sigma_table
+from savmap.report.row_views import drawn_in, row_view
+from savmap.report.scene import Figure
+from savmap.report.templating import rendered_page
+from savmap.types import Picture, Placement, Score, pool
 
 
 def write_page(report: Report, path: Path) -> None:
@@ -29,61 +46,123 @@ def write_page(report: Report, path: Path) -> None:
 
 
 def page_text(report: Report) -> str:
-    """The page. It loads nothing, and only its own script may run in it (by its digest)."""
-    rows = summaries(report)
+    """The page as HTML."""
+    rows, log, alignment = summaries(report), report.log, report.site_map.alignment
     score = pool(report.evaluation.rows.values()) if report.evaluation else None
-    script = resource("page.js")
-    return rendered(
+    ties, anchors = report.site_map.matches, {row.name: row.anchor for row in rows}
+    return rendered_page(
         "page.html.jinja",
         report=report,
-        style=Markup(resource("figure.css") + resource("page.css")),
-        script=Markup(script),
-        digest=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         tiles=tiles(report, rows, score),
         rows=row_table(rows),
         footage=footage_table(rows),
         failed=[row for row in rows if row.row is None],
         sections=[section(row) for row in rows],
         plan=site_plan(rows, report.site_map),
-        unplaced=without_place(rows, report.site_map),
+        unplaced=[row.name for row in rows if row.name not in report.site_map.placements],
         references=reference_table(rows),
         sigmas=sigma_table(rows),
         changes=row_changes(report.comparison) if report.comparison else None,
-        **_aligned(report.site_map.alignment),
-        **_ties(report, rows),
-        **_errors(report, rows, score),
-        **_times(report, rows),
+        alignment=alignment_table(alignment) if alignment else None,
+        stands=alignment_facts(alignment) if alignment else None,
+        pairs=pair_table(ties) if ties else None,
+        ties=tie_table(ties, anchors) if ties else None,
+        errors=class_table(score) if score else None,
+        boxes=box_plot(report.evaluation) if report.evaluation else None,
+        distances=distance_table(score.apart) if score else None,
+        row_errors=row_errors(rows) if score else None,
+        stages=stage_table(log) if log else None,
+        stage_styles=stage_styles(log) if log else None,
+        times=time_table(rows, log) if log else None,
     )
 
 
-def _aligned(alignment: Alignment | None) -> dict[str, Any]:
-    if alignment is None:
-        return {"alignment": None}
-    return {"alignment": alignment_table(alignment), "stands": alignment_facts(alignment)}
+Facts = tuple[tuple[str, str], ...]
+PICTURES: tuple[Picture, ...] = ("face", "plan")
 
 
-def _errors(report: Report, rows: tuple[Summary, ...], score: Score | None) -> dict[str, Any]:
-    if report.evaluation is None or score is None:
-        return {"errors": None}
-    return {
-        "errors": class_table(score),
-        "boxes": box_plot(report.evaluation),
-        "distances": distance_table(score.apart),
-        "row_errors": row_errors(rows),
-    }
+@dataclass(frozen=True, eq=False)
+class Section:
+    """One row: what is known of it, the figures of its solve, its pictures, and its openings."""
+
+    summary: Summary
+    facts: Facts
+    solve: Facts
+    figures: tuple[Figure, ...]
+    footage: tuple[FootageView, ...] = ()
+    openings: Table | None = None
 
 
-def _times(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
-    if report.log is None:
-        return {"stages": None}
-    return {
-        "stages": stage_table(report.log),
-        "stage_styles": stage_styles(report.log),
-        "times": time_table(rows, report.log),
-    }
+def section(row: Summary) -> Section:
+    """A row's section, with the pictures in which something of it is drawn."""
+    words = hints(row)
+    figures = [
+        row_view(row.row, row.drawings, picture, words, row.anchor)
+        for picture in PICTURES
+        if row.row and drawn_in(row.drawings, picture)
+    ]
+    if row.row and row.photo:
+        figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
+    footage = footage_views(row.row, row.stills) if row.row else ()
+    return Section(row, _facts(row), _solve(row), tuple(figures), footage, openings_table(row))
 
 
-def _ties(report: Report, rows: tuple[Summary, ...]) -> dict[str, Any]:
-    ties = report.site_map.matches
-    anchors = {row.name: row.anchor for row in rows}
-    return {"pairs": pair_table(ties), "ties": tie_table(ties, anchors)} if ties else {"pairs": None}
+def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:
+    """What the reader wants to know first: of the rows, the structures, the errors (`score`: all rows'), the
+    references, the run."""
+    mapped = [row for row in rows if row.row]
+    failed = len(rows) - len(mapped)
+    doubtful = sum(1 for row in mapped if row.doubts)
+    with_verdict = sum(1 for row in mapped if row.row and row.row.verdict)
+    lengths = [row.length_m for row in mapped if row.length_m is not None]
+    references, off = sum(len(row.references) for row in mapped), sum(row.references_off for row in mapped)
+    ties, ties_off = report.site_map.matches, sum(1 for tie in report.site_map.matches if is_tie_off(tie))
+    facts = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
+    facts += [("failed", str(failed))] if failed else []
+    facts += [("trusted / to be checked", f"{with_verdict - doubtful} / {doubtful}")] if with_verdict else []
+    facts += [(label, str(count)) for label, count in total_counts(rows).items()]
+    facts += [("length of all rows", f"{sum(lengths):.1f} m")] if lengths else []
+    if score:
+        facts += [("mean absolute error", f"{centimetres(mean_absolute_error(score))} cm")]
+        facts += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
+    facts += [("references, contradicted", f"{references}, {off}")] if references else []
+    facts += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {ties_off}")] if ties else []
+    return (*facts, *_run_tiles(report))
+
+
+def _run_tiles(report: Report) -> Facts:
+    log = report.log
+    if log is None:
+        return ()
+    kept = sum(1 for row in log.rows.values() if row.status == "kept")
+    return ("time on the clock", duration(log.wall_s)), *([("kept from earlier", str(kept))] if kept else [])
+
+
+def _facts(row: Summary) -> Facts:
+    if row.row is None:
+        return ()
+    passes = ", ".join(dict.fromkeys(row.row.frames.passes))
+    facts = [("structures", named_counts(row.counts))]
+    facts += [("length", f"{row.length_m:.3f} m")] if row.length_m is not None else []
+    facts += [("place in the site", _placed(row.place))] if row.place else []
+    facts += [("frames", f"{len(row.row.trajectory.frames)} placed of {len(row.row.frames)}; {passes}")]
+    references = f"{len(row.references)}, {row.references_off} contradicted"
+    facts += [("references", references)] if row.references else []
+    if row.score:
+        facts += [("mean absolute error", f"{centimetres(row.error_m)} cm")]
+        facts += [("missing; spurious", f"{named_counts(row.score.missing)}; {named_counts(row.score.spurious)}")]
+    return tuple(facts)
+
+
+def _placed(place: Placement) -> str:
+    x, z, heading = (float(sigma) for sigma in np.sqrt(np.diag(place.covariance)))
+    metres = f"x {fixed(place.x_m, 3)} \u00b1 {fixed(x, 3)} m, z {fixed(place.z_m, 3)} \u00b1 {fixed(z, 3)} m"
+    return f"{metres}, heading {fixed(place.heading_deg, 2)} \u00b1 {fixed(heading, 2)}\u00b0"
+
+
+def _solve(row: Summary) -> Facts:
+    figures = row.row.report if row.row else {}
+    return tuple(
+        (name.replace("_", " "), fixed(value, 6) if isinstance(value, float) else str(value))
+        for name, value in figures.items()
+    )

@@ -50,10 +50,11 @@ class MapView:
             self._server = ViewServer(self.page)
             Thread(target=self._server.run, daemon=True).start()
         return (
-            f'<iframe src="{html.escape(self._server.frame_address)}" title="savmap viewer" width="100%" height="{FRAME_PX}" '
-            f'style="border: 1px solid #ccc" allow="fullscreen; clipboard-write"></iframe>\n'
-            f'<p><small>Shown while this kernel runs; <a href="{self._server.address}" target="_blank" rel="noopener">in a tab of its own</a>. Where the '
-            f"kernel is on another machine, copy <code>{html.escape(str(self.page))}</code> from there.</small></p>"
+            f'<iframe src="{html.escape(self._server.frame_address)}" title="savmap viewer" width="100%" '
+            f'height="{FRAME_PX}" style="border: 1px solid #ccc" allow="fullscreen; clipboard-write"></iframe>\n'
+            f'<p><small>Shown while this kernel runs; <a href="{self._server.address}" target="_blank" rel="noopener">'
+            "in a tab of its own</a>. Where the kernel is on another machine, copy "
+            f"<code>{html.escape(str(self.page))}</code> from there.</small></p>"
         )
 
 

@@ -10,7 +10,7 @@ from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from savmap.errors import OutputError
 from savmap.files.atomic import reason
-from savmap.report.viewer.beside import FACES, JOINTS, STILLS
+from savmap.report.viewer.page import FACES, JOINTS, STILLS
 
 LOOPBACK = "127.0.0.1"
 FOREIGN = ("cross-site", "same-site")

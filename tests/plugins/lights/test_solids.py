@@ -4,7 +4,7 @@ import numpy as np
 
 from savmap.maps.exports.models.bodies import body_of
 from savmap.types import Floats, Structure
-from savmap_lights.solids import COMPACT_M, STRIP_M, THICKNESS_M, with_solids
+from savmap_lights.open_ends import COMPACT_M, STRIP_M, THICKNESS_M, with_solids
 
 
 def lamp(*vertices: tuple[float, float, float]) -> Structure:

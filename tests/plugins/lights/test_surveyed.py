@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Floats, Structure
-from savmap_lights.surveyed import survey_entry
+from savmap_lights.scores import survey_entry
 
 ENDS = np.array([[1.0, 8.2, 1.1], [2.25, 8.21, 1.3]])
 

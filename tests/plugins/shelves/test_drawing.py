@@ -11,8 +11,7 @@ from perfect_maps import Row, structures_of, surveyed_row
 
 from savmap.report.picture import write_row_view
 from savmap.types import FrameTable, RowMap, Trajectory
-from savmap_shelves.report.drawing import draw
-from savmap_shelves.report.evaluation import evaluate
+from savmap_shelves.report.evaluation import draw, evaluate
 
 
 @pytest.fixture

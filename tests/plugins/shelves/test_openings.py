@@ -13,8 +13,7 @@ from savmap.maps.search import find_structures
 from savmap.plugin.manager import open_plugin
 from savmap.report.site_report import places_of
 from savmap.types import FrameTable, JointCovariance, Measured, RowMap, SiteMap, Structure, Trajectory
-from savmap_shelves.report.openings import openings, places
-from savmap_shelves.report.slots import slots_of
+from savmap_shelves.report.slots import openings, places, slots_of
 
 
 def site_of(structures: list[Structure]) -> SiteMap:

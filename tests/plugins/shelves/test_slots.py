@@ -30,8 +30,7 @@ from savmap.types import (
     Verdict,
 )
 from savmap.types.maps import doubts_of
-from savmap_shelves.report.element_files import write_elements
-from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_json
+from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_elements, write_json
 from savmap_shelves.report.slots import slots_of
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -25,7 +25,7 @@ from savmap.types import (
     Structure,
     Trajectory,
 )
-from savmap_shelves.report.surveyed import survey_entry
+from savmap_shelves.report.evaluation import survey_entry
 
 NEAREST_M = 1e-4
 

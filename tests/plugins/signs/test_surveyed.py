@@ -7,7 +7,7 @@ import pytest
 
 from savmap.errors import OutputError
 from savmap.types import Floats, Structure
-from savmap_signs.surveyed import survey_entry
+from savmap_signs.evaluation import survey_entry
 
 FLAT = np.array([[1.0, 1.9, 0.01], [1.3, 1.88, 0.01], [1.295, 1.73, 0.01], [0.995, 1.75, 0.01]])
 ACROSS = np.array([[5.0, 4.0, 1.5], [5.0, 4.0, 0.5], [5.0, 3.5, 0.5], [5.0, 3.5, 1.5]])

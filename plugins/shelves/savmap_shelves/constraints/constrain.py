@@ -35,8 +35,8 @@ FLOOR_SIGMA_M = 0.03
 """Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a
 row."""
 HIDDEN_FEET = (
-    "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, or a reference is wrong; "
-    "measure the camera's height and a length again, or give the height of a lowest beam"
+    "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, "
+    "or a reference is wrong; measure the camera's height and a length again, or give the height of a lowest beam"
 )
 
 
@@ -122,8 +122,8 @@ def _weighted(
 ) -> tuple[list[Track], dict[str, Floats]]:
     """Tracks with the covariances for the solve, and what each observation is worth, as in `share_edges`."""
     if settings.corners == "lines":
-        apart = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
-        return share_edges(tracks, facts.views, start, apart=apart)
+        two_planes = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
+        return share_edges(tracks, facts.views, start, two_planes=two_planes)
     points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
     bare = {column for column, names in grid.columns.items() if not any(n.startswith("bay") for n in names)}
     return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
@@ -218,8 +218,8 @@ def _places(sections: Sequence[int], count: int | None) -> list[int]:
 
 
 def _of_sections(values: Sequence[float | None], sections: Sequence[int], places: Sequence[int]) -> dict[int, float]:
-    known = ((section, values[place]) for section, place in zip(sections, places, strict=True))
-    return {section: value for section, value in known if value is not None}
+    pairs = ((section, values[place]) for section, place in zip(sections, places, strict=True))
+    return {section: value for section, value in pairs if value is not None}
 
 
 def _found(sections: Sequence[int]) -> str:

@@ -1,10 +1,9 @@
-"""Mapped shelves against a survey: widths, gaps, edges, missing and spurious elements (paper, section IV).
+"""Mapped shelves beside a survey: scores, drawings, and a survey's entry out of what somebody measured.
 
 Uprights are matched in order, then bays by where they lie between matched uprights, then beams in each bay in
-order. A gap is scored where both its elements are matched and nothing unmatched lies between them on either side.
-"""
+order. A gap is scored where both its elements are matched and nothing unmatched lies between them on either side."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
@@ -13,8 +12,9 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from scipy.optimize import linear_sum_assignment
 
+from savmap.errors import OutputError
 from savmap.files.validation import checked
-from savmap.types import Floats, Score, Structure, pool
+from savmap.types import Drawing, Floats, Role, Score, Structure, SurveyEntry, pool
 from savmap_shelves.mapping import Elements, MappedSection, sections_of, uprights_of
 
 Pair = tuple[int, int]
@@ -111,11 +111,11 @@ def align(truth: Floats, estimate: Floats, costs: AlignmentCosts) -> list[Pair]:
     rows, columns = len(truth), len(estimate)
     if not rows or not columns:
         return []
-    apart = _disagreement(truth[:, None] - estimate[None]) / costs.tolerance_m
+    distance = _disagreement(truth[:, None] - estimate[None]) / costs.tolerance_m
     best = np.empty((rows, columns))
     before: dict[Pair, Pair | None] = {}
     for i, j in np.ndindex(rows, columns):
-        best[i, j], before[i, j] = _best_start(i, j, truth, estimate, best, apart, costs)
+        best[i, j], before[i, j] = _best_start(i, j, truth, estimate, best, distance, costs)
     i_last, j_last = np.indices(best.shape)
     total = best + (rows - 1 - i_last) + (columns - 1 - j_last)
     last = np.unravel_index(int(np.argmin(total)), total.shape)
@@ -130,18 +130,20 @@ def align(truth: Floats, estimate: Floats, costs: AlignmentCosts) -> list[Pair]:
 
 
 def _best_start(
-    i: int, j: int, truth: Floats, estimate: Floats, best: Floats, apart: Floats, costs: AlignmentCosts
+    i: int, j: int, truth: Floats, estimate: Floats, best: Floats, distance: Floats, costs: AlignmentCosts
 ) -> tuple[float, Pair | None]:
     """The least cost of a matching that ends with the pair (i, j), and the pair before it; None if it is the first."""
-    alone = i + j + costs.first * apart[i, j]
+    first_cost = i + j + costs.first * distance[i, j]
     if not i or not j:
-        return alone, None
+        return first_cost, None
     steps = (truth[i] - truth[:i])[:, None] - (estimate[j] - estimate[:j])[None]
     skipped = (i - 1 - np.arange(i))[:, None] + (j - 1 - np.arange(j))[None]
     step = (1 - costs.position) * _disagreement(steps) / costs.tolerance_m
-    through = best[:i, :j] + skipped + step + costs.position * apart[i, j]
+    through = best[:i, :j] + skipped + step + costs.position * distance[i, j]
     where = np.unravel_index(int(np.argmin(through)), through.shape)
-    return (alone, None) if alone < through[where] else (float(through[where]), (int(where[0]), int(where[1])))
+    return (
+        (first_cost, None) if first_cost < through[where] else (float(through[where]), (int(where[0]), int(where[1])))
+    )
 
 
 def _disagreement(ends: Floats) -> Floats:
@@ -274,3 +276,117 @@ def _score(
         spurious={names.label: len(spurious)},
         deviations=deviations | {mapped.ids[k]: float("inf") for k in spurious},
     )
+
+
+NEAR_END = 0.25
+"""The share of an element's extent that counts as its end: all its points there make up the edge."""
+NARROWEST_M = 1e-3
+SIDES = {0: ("left", "right"), 1: ("lower", "upper")}
+
+
+def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
+    """Uprights from left to right, and the beams between each two from the floor up. A beam beside the outermost
+    uprights is left out.
+
+    Raises OutputError where uprights are missing, overlap or have no width."""
+    uprights = _ordered_intervals([part for part in structures if part.label == "upright"], 0)
+    beams = [part for part in structures if part.label == "beam"]
+    if len(uprights) < 2:
+        raise OutputError(f"a survey of beams needs the uprights at their sides: there are {len(uprights)}")
+    between = np.searchsorted([interval.mean() for _, interval in uprights], [_middle_x(beam) for beam in beams])
+    bays: list[list[Structure]] = [[] for _ in range(len(uprights) + 1)]
+    for beam, number in zip(beams, between.tolist(), strict=True):
+        bays[number].append(beam)
+    sections = [{"beams": [interval.tolist() for _, interval in _ordered_intervals(bay, 1)]} for bay in bays[1:-1]]
+    values: dict[str, Any] = {"uprights": [interval.tolist() for _, interval in uprights], "sections": sections}
+    read_row(values)
+    outside = dict.fromkeys((beam.id for beam in (*bays[0], *bays[-1])), "it lies beside the outermost uprights")
+    return SurveyEntry(values, outside)
+
+
+def _ordered_intervals(structures: Sequence[Structure], axis: int) -> list[tuple[str, Floats]]:
+    """Ids and intervals (2,) m along an axis, in their order."""
+    return sorted(
+        ((structure.id, _interval(structure, axis)) for structure in structures), key=lambda pair: float(pair[1].mean())
+    )
+
+
+def _interval(structure: Structure, axis: int) -> Floats:
+    """From edge to edge along an axis: the means of the points that are labelled so, or, without labels, of those near
+    either end."""
+    along = structure.vertices[:, axis]
+    low, high = (
+        np.array([side in label.split() for label in structure.vertex_labels], dtype=np.bool_) for side in SIDES[axis]
+    )
+    if not (low.any() and high.any()):
+        near = NEAR_END * np.ptp(along)
+        low, high = along <= along.min() + near, along >= along.max() - near
+    interval = np.array(sorted((float(along[low].mean()), float(along[high].mean()))))
+    if np.ptp(interval) < NARROWEST_M:
+        what = "width" if axis == 0 else "height"
+        raise OutputError(f"{structure.id}: has no {what}: all its points are at {interval[0]:.3f} m")
+    return interval
+
+
+def _middle_x(beam: Structure) -> float:
+    along = beam.vertices[:, 0]
+    return float((along.min() + along.max()) / 2)
+
+
+OFF_M = 0.05
+FACE_LEGEND, PLAN_LEGEND = "uprights and beams", "uprights"
+
+
+def draw(
+    structures: Sequence[Structure], survey: Mapping[str, Any] | None, deviations: Mapping[str, float]
+) -> tuple[Drawing, ...]:
+    """Uprights and beams, over the survey's if there is one.
+
+    Those whose deviation (m, by id) is more than `OFF_M` are marked. Raises OutputError where the row's survey is
+    malformed.
+    """
+    surveyed = _surveyed_drawings(read_row(survey)) if survey is not None and holds_shelves(survey) else ()
+    mapped = [structure for structure in structures if structure.label in ("upright", "beam")]
+    return (
+        *surveyed,
+        *(part for structure in mapped for part in _mapped_drawings(structure, deviations.get(structure.id, 0.0))),
+    )
+
+
+def _mapped_drawings(structure: Structure, deviation_m: float) -> Iterator[Drawing]:
+    role: Role = "off" if deviation_m > OFF_M else "mapped"
+    if structure.label == "beam":
+        yield Drawing("polygon", _outline(structure), role, "structure", FACE_LEGEND, ("face",), name=structure.id)
+        return
+    number = structure.id.split()[-1]
+    yield Drawing("polygon", _outline(structure), role, "structure", FACE_LEGEND, ("face",), number, structure.id)
+    yield Drawing("line", _foot(structure), role, "structure", PLAN_LEGEND, ("plan",), number, structure.id)
+
+
+def _outline(structure: Structure) -> Floats:
+    """The corners in order around the middle, whatever their order in the map."""
+    x, y = (structure.vertices - structure.vertices.mean(axis=0))[:, :2].T
+    return structure.vertices[np.argsort(np.arctan2(y, x))]
+
+
+def _foot(structure: Structure) -> Floats:
+    """Left and right edge of an upright seen from above (2, 3)."""
+    left = np.array(["left" in label.split() for label in structure.vertex_labels])
+    return np.array([structure.vertices[left].mean(axis=0), structure.vertices[~left].mean(axis=0)])
+
+
+def _surveyed_drawings(row: SurveyedRow) -> Iterator[Drawing]:
+    """Uprights, of unsurveyed height, reach just above the highest beam of the row."""
+    top = max((beams[-1][1] for beams in (section.beams for section in row.sections) if beams), default=2.0) + 0.3
+    for x in row.upright_intervals():
+        yield Drawing("polygon", _rectangle(x, np.array([0.0, top])), "survey", "structure", FACE_LEGEND, ("face",))
+        foot = np.array([[x[0], 0.0, 0.0], [x[1], 0.0, 0.0]])
+        yield Drawing("line", foot, "survey", "structure", PLAN_LEGEND, ("plan",))
+    for number, x in enumerate(row.section_intervals()):
+        for y in row.beam_intervals(number):
+            yield Drawing("polygon", _rectangle(x, y), "survey", "structure", FACE_LEGEND, ("face",))
+
+
+def _rectangle(x: Floats, y: Floats) -> Floats:
+    """Corners (4, 3) in the face plane, around."""
+    return np.array([[x[0], y[0], 0.0], [x[1], y[0], 0.0], [x[1], y[1], 0.0], [x[0], y[1], 0.0]])

@@ -1,8 +1,10 @@
-"""Slots as files: CSV for spreadsheets and warehouse systems, JSON with a published schema (docs/slots.schema.json)."""
+"""Slots and elements as files: CSV for spreadsheets and warehouse systems, JSON with a published schema
+(docs/slots.schema.json)."""
 
 import csv
 import io
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,8 +14,8 @@ from savmap.files.atomic import write_text
 from savmap.files.texts import json_visible
 from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.plain import cell
-from savmap.types import Measured, SiteMap
-from savmap_shelves.report.slots import Slot, slots_of
+from savmap.types import Bools, Measured, SiteMap, Structure
+from savmap_shelves.report.slots import Slot, edge, slots_of
 
 FORMAT, VERSION = "savmap-slots", 1
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -154,3 +156,59 @@ def _cell(name: str, value: str | float | None) -> str:
     if isinstance(value, float):
         return f"{value:.{SIGMA if name.startswith('sigma') else LENGTH}f}"
     return "" if value is None else cell(value) if isinstance(value, str) else str(value)
+
+
+SIDES = ("left", "right", "bottom", "top")
+SIZES = ("width", "height")
+ELEMENT_COLUMNS = [
+    *("row", "element", "label", "bay", "number"),
+    *(f"{side}_m" for side in SIDES),
+    *(f"sigma_{side}_m" for side in SIDES),
+    *(name for size in SIZES for name in (f"{size}_m", f"sigma_{size}_m")),
+    *("assumed", "doubts"),
+]
+ON_BEAMS = {"bottom": "lower", "top": "upper"}
+"""What beams call these sides."""
+
+
+def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
+    """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes,
+    m. An empty cell for what an element has not, such as an upright a bay. `assumed`: the sides that nothing measured.
+    Raises OutputError."""
+    text, said = io.StringIO(), site.doubts()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(ELEMENT_COLUMNS)
+    for row in site.rows.values():
+        for element in row.structures.get(plugin, ()):
+            assumed = element.assumed(plugin, row.joint)
+            table.writerow(_element_cells(row.name, element, assumed, said.get((row.name, element.id), ())))
+    write_text(path, text.getvalue())
+
+
+def _element_cells(row: str, element: Structure, assumed: Bools, against: Sequence[str]) -> list[str]:
+    attributes = element.attributes
+    names = [ON_BEAMS.get(side, side) if element.label == "beam" else side for side in SIDES]
+    sides = [edge(element, number // 2, name) for number, name in enumerate(names)]
+    unmeasured = [
+        side
+        for number, (side, name) in enumerate(zip(SIDES, names, strict=True))
+        if any(
+            axes[number // 2]
+            for axes, label in zip(assumed, element.vertex_labels, strict=True)
+            if name in label.split()
+        )
+    ]
+    sizes = {name: (value, sigma) for name, value, sigma in element.sizes()}
+    return [
+        *map(cell, (row, element.id, element.label)),
+        *(str(attributes.get(key, "")) for key in ("bay", element.label)),
+        *(f"{side.value:.4f}" for side in sides),
+        *(f"{side.sigma:.5f}" for side in sides),
+        *(
+            text
+            for size in SIZES
+            for text in ((f"{value:.5f}" for value in sizes[size]) if size in sizes else ("", ""))
+        ),
+        cell(BETWEEN.join(unmeasured)),
+        cell(BETWEEN.join(against)),
+    ]

@@ -1,4 +1,5 @@
-"""The openings of racks: where goods stand, how wide and high each is, and how surely that is known."""
+"""The openings of racks: where goods stand, how wide and high each is, and how surely that is known; the clear spaces
+that two dates are compared by, and the names of bays and levels."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from savmap.maps.exports.frames import alignment_of, in_site, in_world
-from savmap.types import Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
+from savmap.types import Attribute, Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
 from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
 
 FRAMES = ("world", "row")
@@ -87,7 +88,7 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
     placement = site.placements.get(row.name)
     alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
-    known = placement is not None or alignment is not None
+    is_placed = placement is not None or alignment is not None
     said = {name: doubt for (owner, name), doubt in site.doubts().items() if owner == row.name}
     slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs, said)]
     if not slots:
@@ -96,7 +97,7 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     covariances = np.array([slot.covariance for slot in slots])
     points = Structure("slots", "slot", centres, covariances, ("",) * len(slots), np.zeros((0, 2), np.int64))
     moved = in_world(in_site(points, placement), alignment)
-    frame = FRAMES[0] if known else FRAMES[1]
+    frame = FRAMES[0] if is_placed else FRAMES[1]
     return [
         replace(slot, frame=frame, centre=centre, covariance=covariance)
         for slot, centre, covariance in zip(slots, moved.vertices, moved.covariances, strict=True)
@@ -127,13 +128,13 @@ def _bay(
     plugin: str,
 ) -> Bay:
     """A bay between uprights, if both were mapped; where one was not, the bay ends with its beams."""
-    beside = [upright for upright in (left, right) if upright is not None]
+    uprights = [upright for upright in (left, right) if upright is not None]
     extent = (
         edge(left, 0, "right") if left else edge(beams[0], 0, "left"),
         edge(right, 0, "left") if right else edge(beams[0], 0, "right"),
     )
-    solid = next((upright.solid for upright in beside if upright.solid), None)
-    face = edge(beside[0], 2) if beside else edge(beams[0], 2)
+    solid = next((upright.solid for upright in uprights if upright.solid), None)
+    face = edge(uprights[0], 2) if uprights else edge(beams[0], 2)
     return Bay(
         number,
         extent,
@@ -142,7 +143,7 @@ def _bay(
         solid is None or solid.assumed,
         face,
         beams,
-        tuple(upright.id for upright in beside),
+        tuple(upright.id for upright in uprights),
     )
 
 
@@ -253,3 +254,92 @@ def _level(sign: Structure, bay: Bay) -> int:
     """The level that a sign names: that of the beam on which it hangs, or of the opening in which it hangs."""
     middle = float(sign.vertices[:, 1].mean())
     return sum(edge(beam, 1, "lower").value <= middle for beam in bay.beams)
+
+
+RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
+UPRIGHT_LINE = np.array([[0, 1]])
+CORNERS = ("lower left", "lower right", "upper left", "upper right")
+ENDS = ("lower", "upper")
+FLOOR_OPENING = "floor opening"
+"""What stands on the floor shares the error of the row's height, which no other opening has."""
+
+
+def openings(structures: Sequence[Structure], plugin: str = "shelves") -> list[Structure]:
+    """A structure "bay 3 / opening 2" for each slot with a beam above it, numbered by the beam it stands on; 0 stands
+    on the floor. Its corners are those of the clear space between uprights and beams; where an upright was not mapped,
+    it is a line in the middle of the bay, which has a height alone. Raises OutputError for structures that lack what
+    the plugin gives them."""
+    return [
+        _opening_structure(bay, opening, opening.roof)
+        for bay in bays_of(structures, None, plugin)
+        for opening in openings_of(bay, None, plugin)
+        if opening.roof is not None
+    ]
+
+
+def places(
+    structures: Sequence[Structure], plugin: str = "shelves", joint: JointCovariance | None = None
+) -> list[Structure]:
+    """The bays, "bay 3", from the floor to their topmost beam, and their levels, "bay 3 / level 2", which are the slots
+    of the export: the space on a beam up to the next one, level 0 on the floor; the topmost is open above and lies on
+    its beam. A bay is also called a bay. Clear widths and heights are among the attributes, as the slots have them;
+    what is not known is not there. `assumed`: "clear height assumed"."""
+    bays = bays_of(structures, joint, plugin)
+    return [place for bay in bays for place in (_bay_structure(bay), *_level_structures(bay, joint, plugin))]
+
+
+def _bay_structure(bay: Bay) -> Structure:
+    return _between_heights(f"bay {bay.number}", "bay", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
+
+
+def _level_structures(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Structure]:
+    for opening in openings_of(bay, joint, plugin):
+        name = f"bay {bay.number} / level {opening.level}"
+        more: dict[str, Attribute] = {"level": opening.level}
+        if opening.clear_height:
+            more["clear_height_m"] = opening.clear_height
+        if opening.assumed:
+            more["assumed"] = f"{', '.join(opening.assumed)} assumed"
+        yield _between_heights(name, "level", bay, opening.floor, opening.roof or opening.floor, more)
+
+
+def _between_heights(
+    name: str, label: str, bay: Bay, low: Measured, high: Measured, more: Mapping[str, Attribute]
+) -> Structure:
+    """The rectangle of a bay between two heights."""
+    width = {"clear_width_m": bay.clear_width} if bay.clear_width else {}
+    attributes = {"bay": bay.number, **width, **more}
+    return _structure(name, label, bay.extent, (low, high), bay.face, attributes)
+
+
+def _opening_structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
+    xs = bay.extent if bay.clear_width else (_middle_of(*bay.extent),)
+    name, label = f"bay {bay.number} / opening {opening.level}", "opening" if opening.level else FLOOR_OPENING
+    attributes: dict[str, Attribute] = {"bay": bay.number, "level": opening.level}
+    return _structure(name, label, xs, (opening.floor, roof), bay.face, attributes)
+
+
+def _structure(
+    name: str,
+    label: str,
+    xs: Sequence[Measured],
+    ys: Sequence[Measured],
+    z: Measured,
+    attributes: Mapping[str, Attribute],
+) -> Structure:
+    """A rectangle in the face, or, of a single x, an upright line."""
+    labels, edges = (CORNERS, RING) if len(xs) == 2 else (ENDS, UPRIGHT_LINE)
+    corners = [(x, y, z) for y in ys for x in xs]
+    return Structure(
+        name,
+        label,
+        np.array([[side.value for side in corner] for corner in corners]),
+        np.array([np.diag([side.sigma**2 for side in corner]) for corner in corners]),
+        tuple(f"{name} / {part}" for part in labels),
+        edges,
+        attributes,
+    )
+
+
+def _middle_of(left: Measured, right: Measured) -> Measured:
+    return Measured((left.value + right.value) / 2, float(np.hypot(left.sigma, right.sigma)) / 2)
