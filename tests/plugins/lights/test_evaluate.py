@@ -1,4 +1,4 @@
-"""Mapped lamps against a survey, and how they are drawn."""
+"""Mapped lamps against a survey, how they are drawn, what two rows have of them, and the lamps of a survey."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.types import Distances, Score, Structure
+from savmap.types import Distances, Floats, Score, Structure
 from savmap_lights.plugin import Lights, Settings
+from savmap_lights.scores import survey_entry
 
 Row = dict[str, Any]
 LIGHTS = Lights(Settings())
 evaluate, draw = LIGHTS.evaluate, LIGHTS.draw
+ENDS = np.array([[1.0, 8.2, 1.1], [2.25, 8.21, 1.3]])
 CENTRES = (-2.0, 1.0, 4.0, 7.0, 10.0, 13.0)
 
 
@@ -127,3 +129,38 @@ def test_drawings_of_strips_compact_lamps_and_what_is_off(surveyed: Row) -> None
     ]
     assert sum(own.role == "survey" for own in drawings) == 6
     assert [own.role for own in draw(lamps, None, {})] == ["mapped"] * 3
+
+
+def test_lamps_are_shared_by_their_centres() -> None:
+    ends = np.array([[1.0, 8, 1.5], [2.2, 8, 1.5]])
+    covariances = np.array([0.01 * np.eye(3), 0.03 * np.eye(3)])
+    shared = replace(lamp(2, *ends.tolist()), covariances=covariances)
+    (landmark,) = LIGHTS.cross_row_landmarks([shared])
+    assert (landmark.id, landmark.axes, landmark.behind_m) == ("light 2", ("x", "y", "z"), None)
+    assert landmark.place.tolist() == [1.6, 8.0, 1.5]
+    assert np.allclose(landmark.covariance, 0.02 * np.eye(3))
+
+
+def ends_of(points: Floats) -> Floats:
+    return np.array(survey_entry([lamp(1, *points.tolist())]).values["lights"][0]["ends"])
+
+
+def body(half_m: float) -> Floats:
+    """The corners (8, 3) of a strip around the ends."""
+    aside = half_m * np.array([-0.2, 0.0, 1.25]) / np.hypot(0.2, 1.25)
+    ring = np.array([ENDS[0] - aside, ENDS[1] - aside, ENDS[1] + aside, ENDS[0] + aside])
+    up = np.array([0.0, 0.04, 0.0])
+    return np.concatenate([ring - up, ring + up])
+
+
+@pytest.mark.parametrize("points", [ENDS, body(0.06), body(0.06)[:4] + np.array([0, 0.04, 0]), body(0.06)[::-1]])
+def test_a_strip_has_its_ends(points: Floats) -> None:
+    found = ends_of(points)
+    assert min(np.abs(found - ENDS).max(), np.abs(found[::-1] - ENDS).max()) < 1e-9
+
+
+@pytest.mark.parametrize(
+    "points", [ENDS[:1], ENDS[0] + 0.2 * np.array([[1, 0, 1], [-1, 0, 1], [-1, 0, -1], [1, 0, -1]])]
+)
+def test_a_compact_lamp_has_one_place(points: Floats) -> None:
+    assert ends_of(points) == pytest.approx(np.array([ENDS[0]] * 2))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from perfect_maps import structures_of, surveyed_row
 
-from savmap import find
+from savmap import export, find
 from savmap.cli.commands import results
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import only_row, world_from_row
@@ -153,11 +153,6 @@ def test_slots_of_placed_rows_stand_in_the_world() -> None:
     assert np.sqrt(slots[1].covariance[0, 0]) > 0.01
 
 
-def test_rows_without_a_common_frame_keep_their_own() -> None:
-    slots = slots_of(SiteMap({"A": row("A"), "B": row("B")}, {}), "shelves")
-    assert {slot.frame for slot in slots} == {"row"}
-
-
 def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
     aligned = Alignment(5.0, 6.0, 30.0, np.zeros((3, 3)), 0.5)
     placed = {"A": Placement(0, 0, 0, np.zeros((3, 3)))}
@@ -171,6 +166,10 @@ def test_a_row_alone_is_in_the_world_where_it_is_aligned() -> None:
     assert {slot.frame for slot in alone} == {"world"}
 
 
+def lines_of(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+
+
 def doubted_row() -> RowMap:
     against = Doubt("shape", "a beam has an unusual height", ("bay 1 / beam 2",))
     return replace(row(), verdict=Verdict((against,)))
@@ -181,7 +180,7 @@ def test_openings_beside_what_is_doubted_say_so(tmp_path: Path) -> None:
     doubted = [(slot.bay, slot.level) for slot in slots_of(site, "shelves") if slot.doubts]
     assert doubted == [(1, 1), (1, 2)]
     write_csv(site, tmp_path / "slots.csv", "shelves")
-    lines = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
+    lines = lines_of(tmp_path / "slots.csv")
     assert [line["doubts"] for line in lines[:3]] == ["", *["a beam has an unusual height"] * 2]
 
 
@@ -197,20 +196,20 @@ def test_what_is_about_the_whole_row_is_on_all_of_it(tmp_path: Path) -> None:
     assert doubts_of(doubted, "bay 1 / beam 2") == (doubted.verdict.doubts[0], length)
     for write, name in ((write_csv, "slots"), (write_elements, "elements")):
         write(site, tmp_path / name, "shelves")
-        lines = list(csv.DictReader((tmp_path / name).read_text(encoding="utf-8").splitlines()))
+        lines = lines_of(tmp_path / name)
         assert {line["row"] for line in lines} == {"A", "B"}
         assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
     write_json(site, tmp_path / "slots.json", "shelves")
     slots = json.loads((tmp_path / "slots.json").read_text(encoding="utf-8"))["slots"]
     assert all((length.line in slot["doubts"]) == (slot["row"] == "A") for slot in slots)
     write_vertices(site, tmp_path / "map.csv")
-    lines = list(csv.DictReader((tmp_path / "map.csv").read_text(encoding="utf-8").splitlines()))
+    lines = lines_of(tmp_path / "map.csv")
     assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
 
 
 def test_elements_are_a_line_each(tmp_path: Path) -> None:
     write_elements(SiteMap({"A": doubted_row()}, {}), tmp_path / "elements.csv", "shelves")
-    lines = list(csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines()))
+    lines = lines_of(tmp_path / "elements.csv")
     assert [line["element"] for line in lines[:2]] == ["upright 1", "upright 2"]
     beam = next(line for line in lines if line["element"] == "bay 1 / beam 2")
     assert (beam["bay"], beam["number"], beam["bottom_m"], beam["top_m"]) == ("1", "2", "1.2000", "1.3000")
@@ -231,13 +230,13 @@ def unseen_edge_row() -> RowMap:
 def test_tables_say_what_was_not_measured(tmp_path: Path) -> None:
     site = SiteMap({"A": unseen_edge_row()}, {})
     write_elements(site, tmp_path / "elements.csv", "shelves")
-    elements = csv.DictReader((tmp_path / "elements.csv").read_text(encoding="utf-8").splitlines())
+    elements = lines_of(tmp_path / "elements.csv")
     assert {line["element"]: line["assumed"] for line in elements if line["assumed"]} == {
         "upright 1": "top",
         "bay 1 / beam 2": "top",
     }
     write_csv(site, tmp_path / "slots.csv", "shelves")
-    slots = list(csv.DictReader((tmp_path / "slots.csv").read_text(encoding="utf-8").splitlines()))
+    slots = lines_of(tmp_path / "slots.csv")
     assert [slot["assumed"] for slot in slots[:3]] == ["depth", "depth", "clear height | load height | depth"]
     (level,) = find(site, "bay 1 level 2")
     assert level.structure.attributes["assumed"] == "clear height, load height assumed"
@@ -274,8 +273,6 @@ def test_structures_of_another_kind_are_refused(tmp_path: Path) -> None:
         slots_of(SiteMap({"A": row(structures=[bad])}, {}), "shelves")
 
 
-def test_the_plugin_gives_both_formats(tmp_path: Path) -> None:
-    from savmap import export
-
-    for name in ("slots-csv", "slots-json"):
+def test_the_plugin_gives_its_formats(tmp_path: Path) -> None:
+    for name in ("slots-csv", "slots-json", "elements-csv"):
         assert export(SiteMap({"A": row()}, {}), tmp_path / name, name).stat().st_size > 1000

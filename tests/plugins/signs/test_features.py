@@ -27,16 +27,16 @@ def test_quad_of_a_mask_starts_at_the_upper_left() -> None:
 
 
 @pytest.mark.parametrize(
-    "quad", [[[-5, 100], [80, 100], [80, 150], [-5, 150]], [[300, 200], [303, 200], [303, 203], [300, 203]]]
+    "quads",
+    [
+        [[[-5, 100], [80, 100], [80, 150], [-5, 150]]],
+        [[[300, 200], [303, 200], [303, 203], [300, 203]]],
+        [[[200, 100], [300, 100], [300, 106], [200, 106]], [[200, 100], [206, 100], [206, 160], [200, 160]]],
+    ],
+    ids=["cut", "tiny", "ragged"],
 )
-def test_cut_or_tiny_masks_give_no_quad(quad: list[list[int]]) -> None:
-    assert quad_of_mask(mask_of(np.array(quad, float))) is None
-
-
-def test_a_ragged_mask_gives_no_quad() -> None:
-    mask = mask_of(np.array([[200.0, 100], [300, 100], [300, 106], [200, 106]]))
-    mask |= mask_of(np.array([[200.0, 100], [206, 100], [206, 160], [200, 160]]))
-    assert quad_of_mask(mask) is None
+def test_masks_that_are_no_quadrilateral_give_none(quads: list[list[list[int]]]) -> None:
+    assert quad_of_mask(np.any([mask_of(np.array(quad, float)) for quad in quads], axis=0)) is None
 
 
 @pytest.mark.parametrize("turn", [0.0, 35.0])
