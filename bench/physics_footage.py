@@ -33,7 +33,7 @@ from savmap.files.atomic import write_text
 from savmap.pipeline.trust.footage import require_course, require_panoramas
 from savmap.site.load import load_site
 from savmap.types import Doubt, Floats, Structure
-from savmap.video.footage.watch import PassWatch, Steps
+from savmap.video.motion import PassWatch, Steps
 from savmap.video.reader import Clip, panoramas, preview_frames
 
 ROOT = Path(__file__).parent.parent

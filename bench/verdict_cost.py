@@ -20,7 +20,7 @@ from savmap.files.atomic import write_text
 from savmap.graph.joint import rows
 from savmap.graph.solver import optimise
 from savmap.pipeline import measure, networks, row, view_plans
-from savmap.video.footage.watch import PassWatch
+from savmap.video.motion import PassWatch
 
 ROOT = Path(__file__).parent.parent
 PARTS: tuple[tuple[Any, str, str, Callable[[], float]], ...] = (

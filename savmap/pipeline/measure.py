@@ -33,7 +33,7 @@ from savmap.types import (
 )
 from savmap.types.progress import Monitor
 from savmap.video.clip import is_folder, too_few
-from savmap.video.footage.watch import PassWatch
+from savmap.video.motion import PassWatch
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
 from savmap.vision.evidence import PackedView

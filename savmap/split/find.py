@@ -17,8 +17,7 @@ from savmap.split.records import DetectedPass, SplitResult, SplitSettings
 from savmap.split.site_rows import add_to_site, check_new, new_site
 from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.clip import DecodeReport, Image, VideoInfo
-from savmap.video.footage.corridor import FramePair, Motion, motion_of, strip_flow
-from savmap.video.footage.watch import WIDTH, exposed_as, likeness
+from savmap.video.motion import WIDTH, FramePair, Motion, exposed_as, likeness, motion_of, strip_flow
 from savmap.video.reader import probe
 
 DEFAULTS = SplitSettings()

@@ -15,7 +15,7 @@ from savmap.split.records import SplitSettings
 from savmap.video.clip import DecodeReport, Image, VideoInfo
 from savmap.video.container import key_times, open_video
 from savmap.video.decode import INSTANT_S, TimedFrames, frames_from
-from savmap.video.footage.corridor import FramePair
+from savmap.video.motion import FramePair
 
 
 def frame_pairs(

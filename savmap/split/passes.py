@@ -8,7 +8,7 @@ import numpy as np
 from savmap.split.records import SIDES, DetectedPass, SplitResult, SplitSettings
 from savmap.split.straights import Nearness, Straight, headings, nearness, straights
 from savmap.types import Bools, Floats, array_record
-from savmap.video.footage.corridor import Motion, wrapped
+from savmap.video.motion import Motion, wrapped
 
 _SQUARE_DEG = 30.0
 _LONG = 2.0

@@ -18,7 +18,7 @@ from scipy.ndimage import median_filter
 
 from savmap.split.records import SplitSettings
 from savmap.types import Bools, Floats, array_record
-from savmap.video.footage.corridor import Motion, bearings, refitted, wrapped
+from savmap.video.motion import Motion, bearings, refitted, wrapped
 
 _LEAST_RATE = 2.0
 _WAY_FLIP = 90.0

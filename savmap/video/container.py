@@ -1,4 +1,4 @@
-"""Video files: opened, probed and searched with PyAV, and the devices that decode them."""
+"""Video files: opened, probed and searched with PyAV; the order of their times, and the devices that decode them."""
 
 import os
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import av
 import av.error
@@ -21,7 +21,6 @@ from savmap.files.urls import is_url
 from savmap.types import Floats
 from savmap.video.clip import END_TOLERANCE_S, MOST_PIXELS, VideoInfo, check_shape
 from savmap.video.image_folder import picture_size
-from savmap.video.order import in_order, several_recordings
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
 """FFmpeg's demuxers that are used: those with time stamps, none that opens other files or addresses as play lists
@@ -31,13 +30,10 @@ OPENING_S, READING_S = 60.0, 10.0
 """How long a header, and a packet, may take to come: a file may go on with many gigabytes of nothing."""
 BOXES = frozenset({b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip"})
 """Outermost boxes of MP4 and MOV."""
-LONG = (1).to_bytes(4, "big")
-"""In the place of a box's size where that takes 64 bits and follows."""
 MATROSKA = (b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67")
 """Outermost elements of Matroska: the header, and the segment that follows it."""
-MOST_PARTS = 100_000
-SEARCHED_BY_TIME, LOOKS = ("mpegts", "mpeg"), 32
-"""Formats without an index, in which FFmpeg searches by the times it meets; how many places are looked at before."""
+SEARCHED_BY_TIME, PROBED_PLACES = ("mpegts", "mpeg"), 32
+"""Formats without an index, in which FFmpeg searches by the times it meets; in how many places times are read first."""
 SMALL_PIXELS = 1 << 16
 LARGE_PIXELS = 16_000_000
 LARGE_THREADS = 4
@@ -45,11 +41,14 @@ HARDWARE_VARIABLE = "SAVMAP_HARDWARE"
 DEVICES = ("videotoolbox", "cuda", "vaapi", "d3d11va", "qsv")
 """Kinds of hardware decoders, best first."""
 _WORKING: dict[Hashable, str | None] = {}
+LEAP_S, LEAP_FRAMES = 10.0, 20
+BELIEVED_AFTER = 5
+
+Frame = TypeVar("Frame")
 
 
 def local_name(path: Path) -> str:
-    """A file of this machine as FFmpeg names it: without its protocol, FFmpeg takes what stands before a colon for
-    one."""
+    """A local file as FFmpeg names it: without its protocol, FFmpeg takes what stands before a colon for one."""
     return f"file:{path}"
 
 
@@ -78,26 +77,24 @@ def _opened(path: Path, hardware: HWAccel | None = None) -> InputContainer:
 
 
 def _main_stream(path: Path, container: InputContainer) -> VideoStream:
-    """The video stream that holds the panoramas: cover pictures and smaller copies of it are left aside.
-
-    Raises VideoError where there is none, and where two of one size may both be meant.
-    """
-    known = [stream for stream in container.streams.video if stream.codec_context is not None]
-    streams = [stream for stream in known if not stream.disposition & Disposition.attached_pic] or known
+    """The stream that holds the panoramas, not cover pictures or smaller copies. Raises VideoError for none, or two of
+    one size."""
+    decodable = [stream for stream in container.streams.video if stream.codec_context is not None]
+    streams = [stream for stream in decodable if not stream.disposition & Disposition.attached_pic] or decodable
     if not streams:
         raise VideoError(f"{path}: has no video stream that can be decoded")
     best = max(streams, key=lambda stream: (stream.width == 2 * stream.height, stream.width * stream.height))
     others = [stream for stream in streams if (stream.width, stream.height) == (best.width, best.height)]
     if len(others) > 1:
         raise VideoError(
-            f"{path}: has {len(others)} video streams of {best.width}x{best.height} (two lenses?): stitch them in the camera maker's "
-            f"program, or write the one that is a panorama by itself (ffmpeg -i OLD -map 0:{best.index} -c copy NEW)"
+            f"{path}: has {len(others)} video streams of {best.width}x{best.height} (two lenses?): stitch them in the "
+            "camera maker's program, or write the one that is a panorama by itself "
+            f"(ffmpeg -i OLD -map 0:{best.index} -c copy NEW)"
         )
     return best
 
 
 def _why_unreadable(path: Path, error: Exception) -> str:
-    """What to say of a file that FFmpeg could not open."""
     try:
         with path.open("rb") as file:
             kinds = list(part_kinds(file))
@@ -115,21 +112,18 @@ def _why_unreadable(path: Path, error: Exception) -> str:
 def part_kinds(file: BinaryIO) -> Iterator[bytes]:
     """The kinds of a file's outermost parts, as far as their sizes lead: boxes of MP4 (ISO/IEC 14496-12, 4.2), elements
     of Matroska (RFC 8794, 4 to 6); four bytes at the boxes' place of any other file."""
-    at, end = 0, file.seek(0, os.SEEK_END)
-    for _ in range(MOST_PARTS):
-        file.seek(at)
-        head = file.read(16)
-        if len(head) < 8:
-            return
+    at = 0
+    while len(head := file.read(16)) >= 8:
         if head[:4] in MATROSKA:
             digits = 9 - head[4].bit_length()
             kind, size = head[:4], 4 + digits + (int.from_bytes(head[4 : 4 + digits], "big") & (1 << 7 * digits) - 1)
         else:
-            kind, size = head[4:8], int.from_bytes(head[8:] if head[:4] == LONG else head[:4], "big")
+            kind, size = head[4:8], int.from_bytes(head[:4], "big")
+            size = int.from_bytes(head[8:], "big") if size == 1 else size
         yield kind
-        at += size
-        if size < 8 or at >= end:
+        if size < 8:
             return
+        at = file.seek(at + size)
 
 
 def probe_file(path: Path) -> VideoInfo:
@@ -146,12 +140,12 @@ def probe_file(path: Path) -> VideoInfo:
 
 
 def _require_one_recording(info: VideoInfo, container: InputContainer, stream: VideoStream) -> None:
-    """Raise VideoError for a recording behind another, as far as a few looks show it: in transport and program streams
-    the times go back, MP4 has two indices, of which FFmpeg reads the first alone, Matroska two headers. All packets are
-    read only where these looks say so."""
+    """Raise VideoError for a recording behind another: in transport and program streams the times go back from place to
+    place, MP4 has two indices, of which FFmpeg reads the first only, Matroska two headers. All packets are read only
+    where these signs are seen."""
     kinds: list[bytes] = []
     if container.format.name in SEARCHED_BY_TIME:
-        suspect = any(after < before for before, after in pairwise(_looks(container, stream)))
+        suspect = any(after < before for before, after in pairwise(_times_at_places(container, stream)))
     else:
         with info.path.open("rb") as file:
             kinds = list(part_kinds(file))
@@ -165,12 +159,11 @@ def _require_one_recording(info: VideoInfo, container: InputContainer, stream: V
             raise VideoError(several_recordings(info, f"what follows after {info.duration_s:.1f} s is never read"))
 
 
-def _looks(container: InputContainer, stream: VideoStream) -> Iterator[float]:
-    """The decoding times (s) of the packets at evenly spaced places of a file, up to the first place where none can be
-    read."""
-    for look in range(LOOKS):
+def _times_at_places(container: InputContainer, stream: VideoStream) -> Iterator[float]:
+    """Decoding times (s) at evenly spaced places of a file, up to the first where none can be read."""
+    for place in range(PROBED_PLACES):
         with suppress(av.error.FFmpegError):
-            container.seek(look * container.size // LOOKS, unsupported_byte_offset=True)
+            container.seek(place * container.size // PROBED_PLACES, unsupported_byte_offset=True)
         time = next((time for time, _ in _packet_times(container, stream)), None)
         if time is None:
             return
@@ -196,8 +189,8 @@ def _duration_s(container: InputContainer, stream: VideoStream) -> float:
 
 
 def _last_time(container: InputContainer, stream: VideoStream, near_s: float) -> float:
-    """The end of a stream, s from its first time, of its last packets: a header may count its length from 0, though the
-    stream begins hours later, or give none (`near_s` is 0 then, and all packets are read)."""
+    """The end of a stream by its last packets, s from its first time: a header may count from 0, or give none (`near_s`
+    0: all packets are read)."""
     if near_s:
         seek(container, stream, near_s)
     last = 0.0
@@ -214,11 +207,8 @@ def seconds(pts: int, stream: VideoStream) -> float:
 
 
 def configure(stream: VideoStream, info: VideoInfo) -> None:
-    """Set the decoder's threads and its largest picture.
-
-    Each frame thread holds a picture: there are fewer of them where pictures are large. If pictures turn out to be much
-    larger than the header says, the decoder refuses them before it takes memory.
-    """
+    """Set the decoder's threads, fewer where pictures are large, for each holds one; and its largest picture: one much
+    larger than the header says is refused before it takes memory."""
     stream.thread_type = "AUTO"
     stream.codec_context.options = {"max_pixels": str(2 * info.width * info.height + SMALL_PIXELS)}
     stream.codec_context.thread_count = min(LARGE_THREADS, os.cpu_count() or 1) if is_large(info) else 0
@@ -252,17 +242,15 @@ def seek(container: InputContainer, stream: VideoStream, target_s: float) -> Non
         container.seek(max(target, stream.start_time or 0), stream=stream, backward=True)
 
 
-def candidates(wish: str, known: Sequence[str]) -> list[str]:
+def candidates(wish: str, available: Sequence[str]) -> list[str]:
     """Devices to try, best first, of those that FFmpeg was built with."""
     wanted = {"auto": DEVICES, "": DEVICES, "off": ()}.get(wish.lower(), (wish.lower(),))
-    return [name for name in wanted if name in known]
+    return [name for name in wanted if name in available]
 
 
 def accelerator(kind: Hashable, decodes: Callable[[HWAccel], bool]) -> HWAccel | None:
-    """The first device on which `decodes` is true for this kind of video, or None. Devices are tried once in a process.
-
-    A device counts as false if it raises an error.
-    """
+    """The first device on which `decodes` is true, and raises no error, for this kind of video, or None. Devices are
+    tried once in a process."""
     wish = os.environ.get(HARDWARE_VARIABLE, "auto")
     key = (wish, kind)
     if key not in _WORKING:
@@ -277,3 +265,38 @@ def _works(name: str, decodes: Callable[[HWAccel], bool]) -> bool:
         return decodes(HWAccel(name, allow_software_fallback=False))
     except (VideoError, av.error.FFmpegError, OSError, RuntimeError, ValueError):
         return False
+
+
+def in_order(
+    frames: Iterator[tuple[float, Frame]], start_s: float, info: VideoInfo
+) -> Iterator[tuple[float, Frame, bool]]:
+    """Frames with their times (s), and whether each follows the last one that did.
+
+    A time that is not after the last one does not follow. Nor does one that leaps ahead by more than LEAP_S or
+    LEAP_FRAMES frames' time, until BELIEVED_AFTER in a row have leapt: then the recording has a gap. The first is
+    measured from `start_s`. Raises VideoError where more than BELIEVED_AFTER in a row lie before the last one that
+    followed, and go on from there: they are of another recording.
+    """
+    leap_s = max(LEAP_S, LEAP_FRAMES / info.rate_fps if info.rate_fps > 0 else 0.0)
+    last, before, leaps, backs, begun = start_s, start_s, 0, 0, False
+    for stamp, frame in frames:
+        leapt = stamp > last + leap_s
+        leaps = leaps + 1 if leapt else 0
+        is_back = begun and stamp < last
+        backs = backs + 1 if is_back and stamp > before else int(is_back)
+        if backs > BELIEVED_AFTER:
+            raise VideoError(several_recordings(info, f"the times begin again after {last:.1f} s"))
+        follows = (stamp > last or not begun) and (not leapt or leaps > BELIEVED_AFTER)
+        if follows:
+            last, begun, leaps = stamp, True, 0
+        before = stamp
+        yield stamp, frame, follows
+
+
+def several_recordings(info: VideoInfo, seen: str) -> str:
+    """What to say of a file in which one recording follows another, by what is seen of it."""
+    return (
+        f"{info.path}: holds two recordings, one behind the other: {seen}; give each as a file of its own "
+        "(of a transport stream, `ffmpeg -i OLD -c copy NEW.mkv` makes the times go on: "
+        "give each as a pass of its own, up to that time and from there)"
+    )

@@ -1,21 +1,29 @@
-"""Decoding of video files, damaged ones too: all frames of a range, or frames at chosen times."""
+"""Decoding of video files, damaged ones too: all frames of a range, or frames at chosen times; and what a file says of
+the camera: its projection, stereo, how it was held, and whether its pictures are to be turned.
 
-from collections.abc import Callable, Iterator, Sequence
+FFmpeg reads the camera's metadata from MP4's boxes `sv3d`, `st3d`, `SA3D` and `uuid` (Spherical Video V1 and V2), from
+Matroska's `Projection`, and from the display matrix, and gives it with every decoded frame, as the C structures of
+libavutil's `spherical.h` and `stereo3d.h`.
+"""
+
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
 
 import av.error
 import numpy as np
 from av.codec.hwaccel import HWAccel
 from av.container import InputContainer
+from av.sidedata.sidedata import SideData, Type
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from savmap.errors import VideoError
 from savmap.types import Floats, Planes
-from savmap.video.camera_metadata import check_frame
 from savmap.video.clip import DecodeReport, Picture, Source, VideoInfo
-from savmap.video.container import accelerator, configure, is_large, key_times, open_video, seconds, seek
-from savmap.video.order import in_order
+from savmap.video.container import accelerator, configure, in_order, is_large, key_times, open_video, seconds, seek
 
 TimedFrames = Iterator[tuple[float, VideoFrame]]
 
@@ -64,11 +72,11 @@ def frames_from(
     """For each time (ascending), the good frames from that time on, with their times; take a few before asking for the
     next.
 
-    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. Where frames are
-    shown in another order than they are decoded in (B frames), the first frames after a key frame may be missed unless
-    the search begins `margin_s` earlier. Times at key frames need no margin otherwise, and cost one frame each. All
-    decoded frames are counted in `report`. Raises VideoError where the file says of itself that it holds no upright
-    panoramas, and where it holds two recordings.
+    Seeks only where a key frame lies between one time and the next, so that no frame is decoded twice. The search
+    begins `margin_s` earlier, for the first frames after a key frame may be missed where frames are not shown in the
+    order in which they are decoded (B frames); times at key frames of other files need no margin, and cost one frame
+    each. All decoded frames are counted in `report`. Raises VideoError for a file of two recordings, and for one that
+    says of itself that it holds no upright panoramas.
     """
     report = DecodeReport() if report is None else report
     with open_video(info.path) as (container, stream):
@@ -185,3 +193,74 @@ def rgb_from_yuv(of_red: float, of_blue: float, full: bool) -> Floats:
     low, luma, chroma = (0, 1.0, 1.0) if full else (16, 255 / 219, 255 / 224)
     matrix = np.hstack([np.full((3, 1), luma), chroma * from_differences])
     return np.hstack([matrix, -matrix @ [[low], [128], [128]]])
+
+
+TILE = 2
+PROJECTIONS = {
+    1: "a cube map",
+    TILE: "a part of a panorama",
+    3: "half a panorama (180 degrees)",
+    4: "an ordinary, flat picture",
+    5: "fisheye pictures",
+    6: "fisheye pictures of a camera with parameters of its own",
+}
+STEREO = {
+    1: "left and right eye side by side",
+    2: "left and right eye above one another",
+    3: "left and right eye in turn",
+    4: "left and right eye on a checkerboard",
+    5: "left and right eye side by side",
+    6: "left and right eye line by line",
+    7: "left and right eye column by column",
+}
+MOST_TILT_DEG = 60.0
+FIXED = 1 << 16
+ADVICE = "write one panorama a frame, 2:1, in the camera maker's program"
+
+
+def check_frame(path: Path, frame: VideoFrame) -> None:
+    """Raise VideoError where a file's first frame comes with the word that it is no upright panorama of one eye."""
+    for objection in _objections(frame):
+        raise VideoError(f"{path}: {objection}")
+
+
+def _objections(frame: VideoFrame) -> Iterator[str]:
+    entries: Iterable[SideData] = frame.side_data  # type: ignore[assignment]  # PyAV's stub: names, not entries
+    data = {entry.type: bytes(entry) for entry in entries}
+    yield from _of_matrix(data.get(Type.DISPLAYMATRIX, b""))
+    yield from _of_stereo(data.get(Type.STEREO3D, b""))
+    yield from _of_sphere(data.get(Type.SPHERICAL, b""))
+
+
+def _of_matrix(data: bytes) -> Iterator[str]:
+    """Of a display matrix: nine numbers, row by row, of which the first two of the first two rows turn and mirror
+    (ISO/IEC 14496-12)."""
+    if len(data) < 36:
+        return
+    a, b, _, c, d = struct.unpack_from("<5i", data)
+    turned = round(float(np.degrees(np.arctan2(b, a)))) % 360
+    rewrite = "by the player: write them as they are to be shown (ffmpeg -i OLD NEW)"
+    if a * d - b * c < 0:
+        yield f"its pictures are mirrored, and to be mirrored back {rewrite}"
+    elif turned:
+        yield f"its pictures are to be turned by {turned} degrees {rewrite}"
+
+
+def _of_stereo(data: bytes) -> Iterator[str]:
+    kind = struct.unpack_from("<i", data)[0] if len(data) >= 4 else 0
+    if kind in STEREO:
+        yield f"is stereo by its metadata ({STEREO[kind]}), no single panorama: {ADVICE}, of one eye"
+
+
+def _of_sphere(data: bytes) -> Iterator[str]:
+    """Of projection, yaw, pitch and roll (16.16 degrees), and the tile's bounds (shares of the whole, 0.32)."""
+    if len(data) < 32:
+        return
+    projection, _, pitch, roll, *bounds = struct.unpack_from("<4i4I", data)
+    if projection in PROJECTIONS and not (projection == TILE and not any(bounds)):
+        yield f"holds {PROJECTIONS[projection]} by its metadata, no whole equirectangular panorama: {ADVICE}"
+    upright = float(np.cos(np.radians(pitch / FIXED)) * np.cos(np.radians(roll / FIXED)))
+    if upright < np.cos(np.radians(MOST_TILT_DEG)):
+        tilt = float(np.degrees(np.arccos(np.clip(upright, -1, 1))))
+        levelled = "write it levelled in the camera maker's program"
+        yield f"its camera was tilted by {tilt:.0f} degrees, by its metadata: {levelled}"

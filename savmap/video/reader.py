@@ -24,8 +24,8 @@ from savmap.video.clip import (
 )
 from savmap.video.container import exact_key_times, probe_file
 from savmap.video.decode import decode_at, decode_file
-from savmap.video.footage.small import small_grey
 from savmap.video.image_folder import probe_folder, read_at, read_folder
+from savmap.video.motion import small_grey
 
 __all__ = [
     "Clip",
@@ -60,8 +60,7 @@ def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
 
 
 def check_camera(info: VideoInfo) -> None:
-    """Raise VideoError where a video file says of itself, beside its first frame, that it holds no upright
-    panoramas."""
+    """Raise VideoError where a video file says of itself that it holds no upright panoramas."""
     if info.codec != "images":
         next(decode_at(info, [0.0]), None)
 
@@ -88,7 +87,8 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
     last, gap = start, 0.0
-    for stamp, image in _sampled(_source(info, start, end, report), clip.fps, report):
+    read = read_folder if info.codec == "images" else decode_file
+    for stamp, image in _sampled(read(info, start, end, report), clip.fps, report):
         last, gap = stamp, max(gap, stamp - last)
         yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
@@ -96,11 +96,6 @@ def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = No
     rate = sampling_fps(clip, info)
     report.short_s = missing_s(last, min(end, info.duration_s), rate)
     report.gap_s = gap if gap > usual_gap_s(rate) else 0.0
-
-
-def _source(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
-    read = read_folder if info.codec == "images" else decode_file
-    return read(info, start_s, end_s, report)
 
 
 def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Picture]]:
@@ -131,13 +126,13 @@ def preview_frames(
     times, second = _preview_times(clip, info, keys, pairs)
     spacing = min(np.diff(times), default=0.0)
     wider = [factor * step for factor in WIDER if 1.8 * factor * step < spacing]
-    looks = (_look(clip, info, times, second, apart, max_height) for apart in (step, *wider))
-    first = next(looks)
-    found, close = first if _moves(first[1]) else next((look for look in looks if _moves(look[1])), first)
-    if not found:
+    samples = (_samples(clip, info, times, second, gap, max_height) for gap in (step, *wider))
+    first = next(samples)
+    frames, close = first if _moves(first[1]) else next((later for later in samples if _moves(later[1])), first)
+    if not frames:
         raise VideoError(f"{clip.path}: no frame can be decoded; the file is cut off or damaged")
     followers = {id(b) for _, b in close}
-    return tuple(panorama for panorama in found if id(panorama) not in followers), close
+    return tuple(panorama for panorama in frames if id(panorama) not in followers), close
 
 
 def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[list[float], list[int]]:
@@ -153,34 +148,28 @@ def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[
 
 
 def _small(clip: Clip, info: VideoInfo, times: list[float], max_height: int) -> list[Panorama]:
-    """Panoramas at these times, or at the clip's start where there are none. Each is shrunk before the next is read:
-    full size they would fill the memory."""
+    """Panoramas at these times, or at the clip's start where there are none, each shrunk before the next is read."""
     read = read_at if info.codec == "images" else decode_at
     start = clip.start_s or 0.0
-    found = [
+    frames = [
         panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
         for stamp, picture in read(info, times)
     ]
-    return found if found or times == [start] else _small(clip, info, [start], max_height)
+    return frames if frames or times == [start] else _small(clip, info, [start], max_height)
 
 
-def _look(
-    clip: Clip, info: VideoInfo, times: list[float], second: list[int], apart: float, max_height: int
+def _samples(
+    clip: Clip, info: VideoInfo, times: list[float], second: list[int], gap_s: float, max_height: int
 ) -> tuple[list[Panorama], Pairs]:
-    """Panoramas at all times, and those `apart` seconds after the `second` ones; and which of them are pairs."""
-    found = _small(clip, info, sorted([*times, *(times[i] + apart for i in second)]), max_height)
-    return found, tuple((a, b) for a, b in pairwise(found) if 0 < b.stamp_s - a.stamp_s < 1.8 * apart)
+    """Panoramas at all times, and those `gap_s` after the `second` ones; and which of them are pairs."""
+    frames = _small(clip, info, sorted([*times, *(times[i] + gap_s for i in second)]), max_height)
+    return frames, tuple((a, b) for a, b in pairwise(frames) if 0 < b.stamp_s - a.stamp_s < 1.8 * gap_s)
 
 
 def _moves(pairs: Pairs) -> bool:
-    """Whether anything moves in a pair."""
-    return any(_differ(*pair) for pair in pairs)
-
-
-def _differ(first: Panorama, second: Panorama) -> bool:
-    """Whether two panoramas differ by more than noise."""
-    a, b = (small_grey(panorama, STILL_WIDTH).astype(np.float64) for panorama in (first, second))
-    return bool(np.abs(a - b).mean() > STILL)
+    """Whether the panoramas of a pair differ by more than noise."""
+    small = [[small_grey(panorama, STILL_WIDTH).astype(np.float64) for panorama in pair] for pair in pairs]
+    return any(np.abs(first - second).mean() > STILL for first, second in small)
 
 
 def _at_keys(times: Floats, keys_s: Floats, within_s: float) -> Floats:
@@ -193,21 +182,15 @@ def _at_keys(times: Floats, keys_s: Floats, within_s: float) -> Floats:
 
 
 def _shrunk(picture: Picture, max_height: int) -> Picture:
+    """A picture made low enough by the least whole factor: OpenCV averages by these ten times faster than by others."""
     if isinstance(picture, Planes):
-        factor = _factor(picture.luma, max_height)
+        factor = math.ceil(len(picture.luma) / max_height)
         luma, blue, red = (_lower(plane, factor) for plane in (picture.luma, picture.blue, picture.red))
         return Planes(luma[: 2 * len(blue), : 2 * blue.shape[1]], blue, red, picture.rgb_from_yuv)
-    return _lower(picture, _factor(picture, max_height))
-
-
-def _factor(image: Image, max_height: int) -> int:
-    """The least whole factor that makes a picture low enough; OpenCV averages by these ten times faster than by
-    others."""
-    return math.ceil(len(image) / max_height)
+    return _lower(picture, math.ceil(len(picture) / max_height))
 
 
 def _lower(image: Image, factor: int) -> Image:
-    """A picture so many times lower, by averaging."""
     if factor == 1:
         return image
     height = len(image) // factor

@@ -17,7 +17,7 @@ from savmap.site.load import load_site
 from savmap.split import DetectedPass, SplitResult, SplitSettings, find, split
 from savmap.split.frame_pairs import sample_stamps
 from savmap.split.passes import find_passes
-from savmap.video.footage.corridor import FramePair, motion_of
+from savmap.video.motion import FramePair, motion_of
 
 pytestmark = pytest.mark.slow
 

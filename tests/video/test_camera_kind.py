@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Panorama
-from savmap.video.footage.camera_kind import kind_of
+from savmap.video.camera_kind import kind_of
 
 HEIGHT, WIDTH = 256, 512
 Image = np.ndarray

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from savmap.types import Panorama
-from savmap.video.footage.course import Course, contradiction, doubts
-from savmap.video.footage.watch import PassWatch
+from savmap.video.course import Course, contradiction, doubts
+from savmap.video.motion import PassWatch
 
 HEIGHT, WIDTH = 128, 256
 TEXTURE = np.random.default_rng(1).uniform(30, 220, (4, 64, 1024))

@@ -18,7 +18,7 @@ import fuzz_walk  # noqa: E402
 
 from savmap.errors import VideoError  # noqa: E402
 from savmap.video.clip import Clip, DecodeReport, VideoInfo  # noqa: E402
-from savmap.video.order import BELIEVED_AFTER, in_order  # noqa: E402
+from savmap.video.container import BELIEVED_AFTER, in_order  # noqa: E402
 from savmap.video.reader import panoramas, preview_frames, probe  # noqa: E402
 
 INFO = VideoInfo(Path("a.ts"), 128, 64, "h264", "yuv420p", 30.0, 60.0)

@@ -10,7 +10,7 @@ from savmap.video.prefetch import prefetch
 
 
 def makers() -> list[threading.Thread]:
-    return [thread for thread in threading.enumerate() if thread.name == "savmap-ahead"]
+    return [thread for thread in threading.enumerate() if thread.name == "savmap-prefetch_0"]
 
 
 def test_items_come_in_order_from_one_other_thread() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from savmap.errors import SavmapError, SolveError, StructureError, VideoError
 from savmap.types import Doubt, Floats, Panorama
-from savmap.video.footage.camera_kind import kind_of
-from savmap.video.footage.course import Course, contradiction, doubts
-from savmap.video.footage.watch import Steps
+from savmap.video.camera_kind import kind_of
+from savmap.video.course import Course, contradiction, doubts
+from savmap.video.motion import Steps
 
 
 def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[Doubt, ...]:

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import Doubt, Panorama
-from savmap.video.footage.small import small_grey
+from savmap.video.motion import small_grey
 
 WIDTH, HEIGHT = 256, 128
 PATCH, REACH, SLACK = 24, 10, 2
 LEAST_TEXTURE, LEAST_PATCHES = 3.0, 8
 ALIKE, NEARLY_ALIKE = 0.85, 0.75
-APART = (40, 70, 100, 128)
-"""Columns so far apart have little in common."""
+FAR_COLUMNS = (40, 70, 100, 128)
+"""Distances of columns that have little in common."""
 BROKEN, UNLIKE, LEAST_CONTRAST = 0.6, 0.35, 5.0
 SURELY_BROKEN, SURELY_UNLIKE = 0.85, 0.2
 """Panoramas of rendered and real clips have steps of 0.3 at most between their edges, which are alike by 0.5 at least;
@@ -38,25 +38,28 @@ def kind_of(keys: Sequence[Panorama]) -> tuple[str, tuple[Doubt, ...]]:
     """What the pictures of a pass seem to be where they are certainly no panoramas, and what to do ("" where they may
     be some), and the doubts where it is not certain."""
     pictures = [np.asarray(small_grey(panorama, WIDTH), np.float32) for panorama in keys]
-    found = next(_refusals(pictures), "")
-    return (found, ()) if found else ("", tuple(_doubts(pictures)))
+    refusal = next(_refusals(pictures), "")
+    return (refusal, ()) if refusal else ("", tuple(_doubts(pictures)))
 
 
 def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
     if _usual(pictures, fisheyes) > 0.5:
         yield f"seems to hold two fisheye pictures (black corners), no stitched panorama: {WHOLE}"
-    if _usual(pictures, beside) > ALIKE:
-        yield f"its left and right halves show the same: it seems to be stereo or VR180, side by side, no panorama: {WHOLE}"
-    if _usual(pictures, above) > ALIKE:
-        yield f"its upper and lower halves show the same: it seems to be stereo, one eye above the other, no panorama: {WHOLE}"
+    if _usual(pictures, side_by_side) > ALIKE:
+        packing = "stereo or VR180, side by side, no panorama"
+        yield f"its left and right halves show the same: it seems to be {packing}: {WHOLE}"
+    if _usual(pictures, over_under) > ALIKE:
+        packing = "stereo, one eye above the other, no panorama"
+        yield f"its upper and lower halves show the same: it seems to be {packing}: {WHOLE}"
     if _is_broken(pictures) and _usual(pictures, unevenness) > EVEN:
-        yield f"its left and right edges do not meet, nor are its top and bottom rows even: it seems to be no panorama: {WHOLE}"
+        flaws = "its left and right edges do not meet, nor are its top and bottom rows even"
+        yield f"{flaws}: it seems to be no panorama: {WHOLE}"
     elif _is_broken(pictures, SURELY_BROKEN, SURELY_UNLIKE):
         yield f"its left and right edges do not meet: it seems to be a part of a panorama, no whole one: {WHOLE}"
 
 
 def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
-    likeness = {"left and right": _usual(pictures, beside), "upper and lower": _usual(pictures, above)}
+    likeness = {"left and right": _usual(pictures, side_by_side), "upper and lower": _usual(pictures, over_under)}
     for halves, alike in likeness.items():
         if alike > NEARLY_ALIKE:
             details = (f"the {halves} halves of the pictures are much alike",)
@@ -69,8 +72,8 @@ def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
 
 def _usual(pictures: Sequence[Grey], measure: Callable[[Grey], float]) -> float:
     """The median of a measure over the pictures that have one; nan where none has."""
-    known = [value for value in map(measure, pictures) if np.isfinite(value)]
-    return float(np.median(known)) if known else float("nan")
+    values = [value for value in map(measure, pictures) if np.isfinite(value)]
+    return float(np.median(values)) if values else float("nan")
 
 
 def fisheyes(picture: Grey) -> float:
@@ -83,13 +86,13 @@ def fisheyes(picture: Grey) -> float:
     return float(np.percentile(corners, 95) < limit and float(np.median(inside)) > 2 * limit)
 
 
-def beside(picture: Grey) -> float:
+def side_by_side(picture: Grey) -> float:
     """How alike the left and right halves are: the usual correlation of a patch with the best place near its own in the
     other half."""
     return _likeness(picture[:, : WIDTH // 2], picture[:, WIDTH // 2 :])
 
 
-def above(picture: Grey) -> float:
+def over_under(picture: Grey) -> float:
     """The same of the upper and lower halves."""
     return _likeness(picture[: HEIGHT // 2], picture[HEIGHT // 2 :])
 
@@ -101,17 +104,13 @@ def _likeness(first: Grey, second: Grey) -> float:
         for y in range(SLACK, height - PATCH - SLACK + 1, PATCH)
         for x in range(REACH, width - PATCH - REACH + 1, PATCH)
     ]
-    patches = [(first[y : y + PATCH, x : x + PATCH], y, x) for y, x in corners]
-    found = [
-        float(cv2.matchTemplate(_around(second, y, x), patch, cv2.TM_CCOEFF_NORMED).max())
-        for patch, y, x in patches
-        if patch.std() > LEAST_TEXTURE
-    ]
-    return float(np.median(found)) if len(found) >= LEAST_PATCHES else float("nan")
-
-
-def _around(picture: Grey, y: int, x: int) -> Grey:
-    return picture[y - SLACK : y + PATCH + SLACK, x - REACH : x + PATCH + REACH]
+    likeness = []
+    for y, x in corners:
+        patch = first[y : y + PATCH, x : x + PATCH]
+        if patch.std() > LEAST_TEXTURE:
+            around = second[y - SLACK : y + PATCH + SLACK, x - REACH : x + PATCH + REACH]
+            likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
+    return float(np.median(likeness)) if len(likeness) >= LEAST_PATCHES else float("nan")
 
 
 def _is_broken(pictures: Sequence[Grey], step: float = BROKEN, unlike: float = UNLIKE) -> bool:
@@ -121,7 +120,7 @@ def _is_broken(pictures: Sequence[Grey], step: float = BROKEN, unlike: float = U
 
 def seam_step(picture: Grey) -> float:
     """The step from the right edge to the left, over that between columns far apart; nan where those hardly differ."""
-    usual = float(np.median([np.abs(picture - np.roll(picture, -apart, axis=1)).mean() for apart in APART]))
+    usual = float(np.median([np.abs(picture - np.roll(picture, -columns, axis=1)).mean() for columns in FAR_COLUMNS]))
     return float(np.abs(picture[:, 0] - picture[:, -1]).mean()) / usual if usual > LEAST_CONTRAST else float("nan")
 
 

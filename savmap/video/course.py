@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from savmap.types import Bools, Doubt, Floats, array_record
-from savmap.video.footage.corridor import wrapped
-from savmap.video.footage.watch import Steps
+from savmap.video.motion import Steps, wrapped
 
 LEAST_RATE = 1.5
 LEAST_STEPS = 8
@@ -20,7 +19,7 @@ ONE_WAY = 0.5
 TURNED_DEG, ASTRAY_DEG, ASTRAY_PACE, ASTRAY_MISFIT = 45.0, 50.0, 0.4, 0.25
 STILL_PACE, STILL_SHARE, PAUSE_STEPS = 0.05, 0.5, 5
 HANDS = {"left": 1, "right": -1}
-CUTS_APART = 6
+CUTS_GAP = 6
 SPLIT = "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)"
 BETWEEN = "what lies between may be missing, or counted wrongly"
 
@@ -39,8 +38,7 @@ class Course:
         """The steps (n,) whose two pictures have little in common."""
         usual = float(np.median(self.steps.likeness))
         limit = min(BROKEN, BROKEN_SHARE * usual) if usual > LEAST_LIKENESS else 0.0
-        found: Bools = self.steps.likeness < limit
-        return found
+        return np.asarray(self.steps.likeness < limit)
 
     @cached_property
     def pace(self) -> Floats:
@@ -52,8 +50,7 @@ class Course:
     @cached_property
     def swept(self) -> Floats:
         """By how many degrees what is abeam passes in each step (n,)."""
-        passed: Floats = self.pace * self.steps.spans_s
-        return passed
+        return np.asarray(self.pace * self.steps.spans_s)
 
     @cached_property
     def usual(self) -> float:
@@ -83,7 +80,8 @@ def contradiction(course: Course, side: str | None) -> str:
         return f"{_turning(course, backwards[0][0])}: {SPLIT}"
     wanted = HANDS.get(side or "", 0)
     if wanted and course.towards and course.towards != wanted:
-        return f"the face that was looked at is not on the {side} as one drives along: correct the side, or give the view's angles"
+        fix = "correct the side, or give the view's angles"
+        return f"the face that was looked at is not on the {side} as one drives along: {fix}"
     return ""
 
 
@@ -102,28 +100,23 @@ def doubts(course: Course) -> Iterator[Doubt]:
 
 
 def _breaks(course: Course) -> Iterator[Doubt]:
-    """Cuts, and frames that are missing. Cuts soon after one another are told as one: a camera in somebody's hands, or
-    covered."""
+    """Missing frames, and cuts: those soon after one another as one, of a camera in somebody's hands, or covered."""
     spans = course.steps.spans_s
     long = spans > GAP_STEPS * float(np.median(spans))
     far = spans * course.usual > GAP_DEG
     missing = long & (course.broken | far)
     for step in np.flatnonzero(missing).tolist():
         yield Doubt("motion", "frames are missing", figure=_span(course, step, step), action=SPLIT, details=(BETWEEN,))
-    for first, last in _close(course.broken & ~missing, CUTS_APART):
-        yield _cut(course, first) if first == last else _cuts(course, first, last)
-
-
-def _cut(course: Course, step: int) -> Doubt:
-    figure, details = f"at {course.seconds(step + 1)}", ("a cut to another place, or missing frames", BETWEEN)
-    return Doubt("motion", "the picture changes all at once", figure=figure, action=SPLIT, details=details)
-
-
-def _cuts(course: Course, first: int, last: int) -> Doubt:
-    """Steps from `first` to `last` belong to no drive."""
-    figure, details = _span(course, first, last), ("as of a camera that is carried or covered", BETWEEN)
-    action = _without(course, first, last) or SPLIT
-    return Doubt("motion", "the picture changes again and again", figure=figure, action=action, details=details)
+    cuts = np.flatnonzero(course.broken & ~missing)
+    for group in np.split(cuts, np.flatnonzero(np.diff(cuts) > CUTS_GAP) + 1) if len(cuts) else ():
+        first, last = int(group[0]), int(group[-1])
+        if first == last:
+            what, figure, action = "the picture changes all at once", f"at {course.seconds(first + 1)}", SPLIT
+            how = "a cut to another place, or missing frames"
+        else:
+            what, figure = "the picture changes again and again", _span(course, first, last)
+            how, action = "as of a camera that is carried or covered", _without(course, first, last) or SPLIT
+        yield Doubt("motion", what, figure=figure, action=action, details=(how, BETWEEN))
 
 
 def _span(course: Course, first: int, last: int) -> str:
@@ -132,7 +125,7 @@ def _span(course: Course, first: int, last: int) -> str:
 
 def _without(course: Course, first: int, last: int) -> str:
     """How to leave out steps that begin or end the pass; "" where they lie amid it, or are all of it."""
-    begins, ends = first <= CUTS_APART, last >= len(course.broken) - 1 - CUTS_APART
+    begins, ends = first <= CUTS_GAP, last >= len(course.broken) - 1 - CUTS_GAP
     if begins and not ends:
         return f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
     if ends and not begins:
@@ -140,20 +133,13 @@ def _without(course: Course, first: int, last: int) -> str:
     return ""
 
 
-def _close(flags: Bools, apart: int) -> list[tuple[int, int]]:
-    """First and last index of each group of true flags (n,) that are at most so many steps from one to the next."""
-    steps = np.flatnonzero(flags)
-    groups = np.split(steps, np.flatnonzero(np.diff(steps) > apart) + 1)
-    return [(int(group[0]), int(group[-1])) for group in groups if len(group)]
-
-
 def _back(course: Course) -> list[tuple[int, float]]:
-    """Runs of steps against the way of most, or of the first half where neither way is most: the first step, and how
-    far each goes, negative degrees of what is abeam."""
+    """Runs of steps against the way of most, or else of the first half: the first step, and how far each goes, negative
+    degrees of what is abeam."""
     most = course.towards or int(np.sign(course.swept[: len(course.swept) // 2].sum())) or 1
     against = most * course.pace < -max(BACK_PACE * course.usual, LEAST_RATE)
-    found = [(first, float(most * course.swept[first : last + 1].sum())) for first, last in _runs(against, BACK_STEPS)]
-    return [(first, swept) for first, swept in found if swept < -BACK_DEG]
+    runs = [(first, float(most * course.swept[first : last + 1].sum())) for first, last in _runs(against, BACK_STEPS)]
+    return [(first, swept) for first, swept in runs if swept < -BACK_DEG]
 
 
 def _turning(course: Course, step: int) -> str:
@@ -167,12 +153,11 @@ def _turns(course: Course) -> Iterator[Doubt]:
     """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
     heading = course.steps.heading_deg
     turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
-    for first, last in _runs(turned, BACK_STEPS)[:1]:
-        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
-        yield Doubt("motion", "the camera is turned away from the row", figure=figure, action=action)
-    for first, last in _runs(_astray(course), BACK_STEPS)[:1]:
-        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
-        yield Doubt("motion", "the camera leaves the row's direction", figure=figure, action=action)
+    steps = {"the camera is turned away from the row": turned, "the camera leaves the row's direction": _astray(course)}
+    for what, flags in steps.items():
+        for first, last in _runs(flags, BACK_STEPS)[:1]:
+            figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
+            yield Doubt("motion", what, figure=figure, action=action)
 
 
 def _astray(course: Course) -> Bools:

@@ -1,1 +1,0 @@
-"""What footage is, and how the camera went, from small pictures of it."""
