@@ -34,8 +34,8 @@ from savmap.files.atomic import read_json, write_text
 from savmap.lab.train.data.dataset import IGNORE
 from savmap.plugin.manager import load_class
 from savmap.types import Thresholds
+from savmap.vision.masks import connected_regions, hysteresis
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.regions import connected_regions, hysteresis
 
 TEST = Path(__file__).parent / "photos"
 LEAST_REGION_PX, LEAST_SHARE = 150, 0.3

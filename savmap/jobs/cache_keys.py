@@ -33,8 +33,7 @@ from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
 from savmap.types import RowMap
-from savmap.vision.networks.files import network_files
-from savmap.vision.networks.providers import choose, file_for, runtime_version
+from savmap.vision.networks.session import choose, file_for, network_files, runtime_version
 
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "pillow", "scipy")
 DRAWING_LIBRARIES = ("jinja2", "matplotlib", "resvg-py")

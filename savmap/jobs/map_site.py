@@ -46,8 +46,7 @@ from savmap.site.preflight import require_ready
 from savmap.types import Evaluation, RowMap, SiteMap, Survey
 from savmap.types.progress import Monitor
 from savmap.video.reader import probe
-from savmap.vision.networks.files import network_digest
-from savmap.vision.networks.providers import runtime_version
+from savmap.vision.networks.session import network_digest, runtime_version
 
 DRAWN = "drawn"
 MAP, MESSAGES = "map.json", "savmap.log"

@@ -88,8 +88,6 @@ if TYPE_CHECKING:
     from savmap.types import View as View
     from savmap.types import ViewPlan as ViewPlan
     from savmap.types import ViewSpec as ViewSpec
-    from savmap.vision.field_of_view import fit_count as fit_count
-    from savmap.vision.field_of_view import fit_height as fit_height
     from savmap.vision.view_planning import DOWNWARDS as DOWNWARDS
     from savmap.vision.view_planning import LEVEL as LEVEL
     from savmap.vision.view_planning import UPWARDS as UPWARDS
@@ -99,6 +97,8 @@ if TYPE_CHECKING:
     from savmap.vision.view_planning import ceiling_view as ceiling_view
     from savmap.vision.view_planning import choose_face as choose_face
     from savmap.vision.view_planning import face_at as face_at
+    from savmap.vision.view_planning import fit_count as fit_count
+    from savmap.vision.view_planning import fit_height as fit_height
     from savmap.vision.view_planning import floor_view as floor_view
     from savmap.vision.view_planning import tilted as tilted
 
@@ -125,9 +125,9 @@ _NAMES = {
         "FrameTable Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid "
         "Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
     ),
-    "savmap.vision.field_of_view": "fit_count fit_height",
     "savmap.vision.view_planning": (
-        "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at floor_view tilted"
+        "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at fit_count fit_height "
+        "floor_view tilted"
     ),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -194,7 +194,7 @@ class LoadedPlugin(HookCaller):
     def model_file(self) -> Path:
         """The network's file that the plugin's first execution provider takes: `model`, or the one in float32 beside
         it."""
-        from savmap.vision.networks.providers import choose, file_for  # onnxruntime takes long to import
+        from savmap.vision.networks.session import choose, file_for  # onnxruntime takes long to import
 
         return file_for(self.model, choose(self.providers).names[0])
 

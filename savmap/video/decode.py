@@ -33,6 +33,27 @@ PLANAR = {"yuv420p", "yuvj420p", "nv12"}
 UNSPECIFIED, JPEG_RANGE = 2, 2
 WEIGHTS = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), UNSPECIFIED: (0.299, 0.114)}
 """Weights of red and blue in luma, by the number of the colour space (ITU-T H.273, "MatrixCoefficients")."""
+TILE = 2
+PROJECTIONS = {
+    1: "a cube map",
+    TILE: "a part of a panorama",
+    3: "half a panorama (180 degrees)",
+    4: "an ordinary, flat picture",
+    5: "fisheye pictures",
+    6: "fisheye pictures of a camera with parameters of its own",
+}
+STEREO = {
+    1: "left and right eye side by side",
+    2: "left and right eye above one another",
+    3: "left and right eye in turn",
+    4: "left and right eye on a checkerboard",
+    5: "left and right eye side by side",
+    6: "left and right eye line by line",
+    7: "left and right eye column by column",
+}
+MOST_TILT_DEG = 60.0
+FIXED = 1 << 16
+ADVICE = "write one panorama a frame, 2:1, in the camera maker's program"
 
 
 def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeReport) -> Source:
@@ -193,29 +214,6 @@ def rgb_from_yuv(of_red: float, of_blue: float, full: bool) -> Floats:
     low, luma, chroma = (0, 1.0, 1.0) if full else (16, 255 / 219, 255 / 224)
     matrix = np.hstack([np.full((3, 1), luma), chroma * from_differences])
     return np.hstack([matrix, -matrix @ [[low], [128], [128]]])
-
-
-TILE = 2
-PROJECTIONS = {
-    1: "a cube map",
-    TILE: "a part of a panorama",
-    3: "half a panorama (180 degrees)",
-    4: "an ordinary, flat picture",
-    5: "fisheye pictures",
-    6: "fisheye pictures of a camera with parameters of its own",
-}
-STEREO = {
-    1: "left and right eye side by side",
-    2: "left and right eye above one another",
-    3: "left and right eye in turn",
-    4: "left and right eye on a checkerboard",
-    5: "left and right eye side by side",
-    6: "left and right eye line by line",
-    7: "left and right eye column by column",
-}
-MOST_TILT_DEG = 60.0
-FIXED = 1 << 16
-ADVICE = "write one panorama a frame, 2:1, in the camera maker's program"
 
 
 def check_frame(path: Path, frame: VideoFrame) -> None:

@@ -97,12 +97,14 @@ def _flow_of(window: _Window, spec: ViewSpec) -> Flow:
 
 def _tracked(before: Grey, after: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
     """Where points (n, 2) px move, and which (n,) return to their start when tracked back."""
-    forth, found = lucas_kanade(before, after, points)
-    back, again = lucas_kanade(after, before, forth)
-    return forth, found & again & (np.linalg.norm(back - points, axis=1) < MOST_RETURN_PX)
+    forth, forth_tracked = lucas_kanade(before, after, points)
+    back, back_tracked = lucas_kanade(after, before, forth)
+    return forth, forth_tracked & back_tracked & (np.linalg.norm(back - points, axis=1) < MOST_RETURN_PX)
 
 
 def lucas_kanade(a: Grey, b: Grey, points: Points) -> tuple[Points, NDArray[np.bool_]]:
-    """Where points of one picture are in another, and which (n,) were found there."""
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS)  # type: ignore[call-overload] # fmt: skip
-    return moved, found.ravel() == 1
+    """Where points of one picture are in another, and which (n,) were tracked there."""
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+        a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS
+    )
+    return moved, status.ravel() == 1

@@ -106,19 +106,18 @@ class MarkerTracker:
         return MarkerTracks(tracks, views)
 
     def _search(self, panorama: Panorama) -> list[Label]:
-        """Search all around for the markers that are not tracked, and set views at those that are detected, which are
-        returned."""
+        """The markers that are not tracked and are detected anywhere around; views are set at them."""
         resolution = panorama.height / np.pi
-        found: dict[Label, ViewSpec] = {}
+        detected: dict[Label, ViewSpec] = {}
         for spec in _ring(resolution):
             image = self._renderer.render(panorama, spec).image
             for dictionary in dict.fromkeys(name for name, _ in self._sightings):
                 for number, corners in _detected(image, dictionary, fine=False).items():
                     label = dictionary, number
                     if label in self._sightings and label not in self._near:
-                        found[label] = _around(spec.rig_rays(corners), resolution)
-        self._near |= found
-        return list(found)
+                        detected[label] = _around(spec.rig_rays(corners), resolution)
+        self._near |= detected
+        return list(detected)
 
 
 def _corner_track(name: str, corner: int, sightings: Sequence[_Sighting]) -> Track:

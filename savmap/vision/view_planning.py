@@ -1,8 +1,8 @@
 """View planning (paper, "Rendering views"): the directions of a row's views, whichever way the camera is turned.
 
 `PassPreview.of_frames` finds the building's axes in a pass's key frames, `choose_face` the one of its four level
-directions that faces the structure, and `fit_height` and `fit_count` (savmap.vision.field_of_view) the smallest field
-of view that shows enough. The caller gives functions that recognise the structure.
+directions that faces the structure, and `fit_height` and `fit_count` the smallest field of view that shows enough. The
+caller gives functions that recognise the structure.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,9 +16,15 @@ from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.geometry.vanishing import RIG_FORWARD, RIG_UP, facing, manhattan_from_segments
 from savmap.types import Floats, Panorama, View, ViewSpec, array_record
-from savmap.vision.travel import travel_directions
+from savmap.vision.flow import lucas_kanade
 from savmap.vision.views import Renderer
 
+CORNERS = 300
+LEAST_TRACKS = 20
+LEAST_MOTION_PX = 0.5
+ALONG_OVER_ACROSS = 1.5
+# shifts of four views, turned by 90 degrees each: what turning adds, and moving along the first and the second
+SHIFTS = np.array([[1.0, -1, 0], [1, 0, -1], [1, 1, 0], [1, 0, 1]])
 SEARCH_VIEWS = [
     *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
     *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
@@ -38,6 +44,75 @@ DOWNWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 STEEPEST_TILT_DEG = 60.0
 FEW = 5
 ENOUGH_FRAMES = 100
+Extent = Callable[[View], tuple[float, float] | None]
+Count = Callable[[View], int]
+SMALLEST_HFOV_DEG, LARGEST_HFOV_DEG = 60.0, 155.0
+FIRST_HFOV_DEG = 110.0
+BORDER_PX = 2.0
+CUT_SHARE = 0.12
+BEYOND_CUT_DEG = 8.0
+SETTLED_DEG = 1.0
+MOST_ROUNDS = 12
+HFOV_STEP_DEG = 5.0
+
+
+def travel_directions(
+    pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer
+) -> tuple[int, int, int, int]:
+    """Which way the camera moves along `spec` and the views turned from it to the right by 90, 180 and 270 degrees: +1
+    to the right as it looks along the view (towards the face's +x), -1 to the left, 0 unknown.
+
+    The rig's turning shifts all views alike; half the difference of opposite views is its motion. That must exceed the
+    motion measured in the same way in the two views across, which it does only when looking across the way. One view
+    may be too bare to track anything in.
+    """
+    views = [_turned(spec, turn) for turn in (0.0, 90.0, 180.0, 270.0)]
+    shifts = np.array([[_shift(pair, view, renderer) for view in views] for pair in pairs]).reshape(-1, 4)
+    along, across = np.array([_motion(row) for row in shifts]).reshape(-1, 2).sum(axis=0).tolist()
+    least = max(LEAST_MOTION_PX * len(pairs), 1e-9)
+    first = int(np.sign(along)) if abs(along) > max(least, ALONG_OVER_ACROSS * abs(across)) else 0
+    second = int(np.sign(across)) if abs(across) > max(least, ALONG_OVER_ACROSS * abs(along)) else 0
+    return first, second, -first, -second
+
+
+def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
+    """The angle by which objects straight ahead move in a view across the way from one used frame to the next; nan if
+    unknown."""
+    view = _turned(spec, 0.0)
+    shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
+    finite = shifts[np.isfinite(shifts)]
+    return float(np.median(finite) / view.camera[0, 0]) if len(finite) else float("nan")
+
+
+def _motion(shifts: Floats) -> Floats:
+    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are
+    nan."""
+    finite = np.isfinite(shifts)
+    if finite.sum() < 3:
+        return np.zeros(2)
+    motion: Floats = np.linalg.lstsq(SHIFTS[finite], shifts[finite], rcond=None)[0][1:]
+    return motion
+
+
+def _turned(spec: ViewSpec, degrees: float) -> ViewSpec:
+    """A small 90 degree view turned about the vertical of `spec`."""
+    rotation = spec.rig_from_view @ pinhole.rig_from_view(degrees, 0, 0)
+    return ViewSpec("travel", *pinhole.angles_from_rotation(rotation), hfov_deg=90, width=320, height=240)
+
+
+def _shift(pair: tuple[Panorama, Panorama], spec: ViewSpec, renderer: Renderer) -> float:
+    """Median shift of the picture's corners to the right, pixels; nan where too few can be tracked."""
+    first, second = (
+        np.asarray(cv2.cvtColor(renderer.render(p, spec).image, cv2.COLOR_RGB2GRAY), np.uint8) for p in pair
+    )
+    detected = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
+    if detected is None:
+        return float("nan")
+    corners = np.asarray(detected, np.float32)
+    moved, _ = lucas_kanade(first, second, corners)
+    back, _ = lucas_kanade(second, first, moved)
+    good = np.linalg.norm(back - corners, axis=-1).ravel() < 1.0
+    return float(np.median((moved - corners)[good, 0, 0])) if good.sum() >= LEAST_TRACKS else float("nan")
 
 
 @dataclass(frozen=True)
@@ -85,7 +160,7 @@ class PassPreview:
         renderer = renderer or Renderer()
         return cls(tuple(keys), tuple(pairs), renderer, manhattan(_evenly(keys), renderer), frames)
 
-    def apart(self, most: float = np.inf) -> int:
+    def frame_step(self, most: float = np.inf) -> int:
         """`ViewSpec.every` for a long pass: 1, 2 or 4 (so that plugins use the same frames), `most` at most, such that
         a hundred frames or more are used."""
         return next((every for every in (4, 2) if every <= most and self.frames >= every * ENOUGH_FRAMES), 1)
@@ -221,11 +296,10 @@ def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
 
 
 def _clear_alone(edges: Sequence[tuple[Floats, Floats]], least: float) -> list[Floats]:
-    """The axes (3, 3) of the frames whose own segments show them with this support, named alike: a rig that turns from
-    frame to frame has none that fit all frames together, or wrong ones."""
-    found = [manhattan_from_segments(*pair) for pair in edges]
+    """The axes (3, 3) of the frames whose segments show them with this support, named alike: of a rig that turns from
+    frame to frame."""
     axes: list[Floats] = []
-    for frame in found:
+    for frame in (manhattan_from_segments(*pair) for pair in edges):
         if frame is not None and frame.support >= least:
             like = axes[-1] if axes else frame.rig_from_manhattan
             axes.append(facing(frame.rig_from_manhattan, like[:, 1], like[:, 2]))
@@ -251,3 +325,129 @@ def _segments_in(view: View) -> tuple[Floats, Floats]:
     ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
     ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
     return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
+
+
+AUTOMATIC = Manual()
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A view, and a line for the user about what is wrong with it, if anything is."""
+
+    spec: ViewSpec
+    warning: str | None = None
+
+
+@dataclass(frozen=True)
+class _Elevations:
+    """Lowest and highest elevation of the structure over the key frames, degrees in the building, and whether the
+    frame cuts it below and above."""
+
+    low_deg: float
+    high_deg: float
+    cut_low: bool
+    cut_high: bool
+
+
+UNKNOWN = _Elevations(-80.0, 80.0, False, False)
+
+
+def fit_height(
+    pass_preview: PassPreview,
+    face: Face,
+    extent: Extent,
+    manual: Manual = AUTOMATIC,
+    name: str = "face",
+    margin: float = 0.05,
+) -> Fitted:
+    """The view at the face that shows its whole height in all key frames at the smallest field of view.
+
+    `extent(view)` gives the top and bottom row of the structure in a view, at the frame's border where that cuts it, or
+    None where there is no structure. `margin` is the share of the view's height kept free above and below. Values of
+    `manual` are kept. Raises StructureError where the structure is in no view.
+    """
+    if manual.complete:
+        return Fitted(manual.over(ViewSpec(name, 0.0)))
+    spec = manual.over(tilted(face, 0.0, FIRST_HFOV_DEG, name))
+    whole: list[tuple[bool, float, ViewSpec]] = []
+    for _ in range(MOST_ROUNDS):
+        extremes = _elevations(pass_preview, face, spec, extent)
+        following = manual.over(_covering(face, extremes or UNKNOWN, spec, margin))
+        settled = _change(following, spec) < SETTLED_DEG
+        if extremes and not (extremes.cut_low or extremes.cut_high):
+            whole.append((following.hfov_deg > spec.hfov_deg + SETTLED_DEG, spec.hfov_deg, spec))
+        if settled:
+            break
+        spec = following
+    if extremes is None:
+        raise StructureError(f"view {name}: no structure is seen in its direction; give its angles in the site file")
+    if not whole:
+        return Fitted(
+            spec, f"view {name}: the whole height of the structure is not seen at {spec.hfov_deg:.0f} degrees"
+        )
+    return Fitted(min(whole, key=lambda tried: tried[:2])[2])
+
+
+def _elevations(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: Extent) -> _Elevations | None:
+    extents = [rows for view in pass_preview.views(spec) if (rows := extent(view)) is not None]
+    if not extents:
+        return None
+    top, bottom = np.array(extents, dtype=np.float64).T
+    pitch = pinhole.angles_from_rotation(face.spec.rig_from_view.T @ spec.rig_from_view)[1]
+    elevations = pitch + np.degrees(np.arctan((spec.camera[1, 2] - np.array([top, bottom])) / spec.camera[1, 1]))
+    cut_high = float(np.mean(top <= BORDER_PX)) > CUT_SHARE
+    cut_low = float(np.mean(bottom >= spec.height - 1 - BORDER_PX)) > CUT_SHARE
+    return _Elevations(float(elevations[1].min()), float(elevations[0].max()), cut_low, cut_high)
+
+
+def _covering(face: Face, extremes: _Elevations, spec: ViewSpec, margin: float) -> ViewSpec:
+    """The view that covers these elevations with its margins, and a little more where the frame cut the structure."""
+    low = max(extremes.low_deg - BEYOND_CUT_DEG * extremes.cut_low, -88.0)
+    high = min(extremes.high_deg + BEYOND_CUT_DEG * extremes.cut_high, 88.0)
+    half = np.radians(min(high - low, 170.0) / 2)
+    tangent = np.tan(half) / (1 - 2 * margin) * spec.width / spec.height
+    hfov = float(np.clip(np.degrees(2 * np.arctan(tangent)), SMALLEST_HFOV_DEG, LARGEST_HFOV_DEG))
+    return tilted(face, (low + high) / 2, hfov, spec.name)
+
+
+def _change(a: ViewSpec, b: ViewSpec) -> float:
+    """How far two views differ, degrees."""
+    turned = a.rig_from_view.T @ b.rig_from_view
+    angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
+    return max(float(angle), abs(a.hfov_deg - b.hfov_deg))
+
+
+def fit_count(
+    pass_preview: PassPreview,
+    spec: ViewSpec,
+    count: Count,
+    at_least: int = 2,
+    share: float = 0.95,
+    manual: Manual = AUTOMATIC,
+    smallest_deg: float = SMALLEST_HFOV_DEG,
+) -> Fitted:
+    """The view along `spec` with the smallest field of view that shows `at_least` objects in this share of the key
+    frames.
+
+    `count(view)` gives how many a view shows. A step is added for the frames between. Values of `manual` are kept.
+    """
+    if manual.hfov_deg is not None:
+        return Fitted(manual.over(spec))
+    for hfov in np.arange(smallest_deg, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
+        candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
+        if _enough(pass_preview, candidate, count, at_least, share):
+            wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)
+            return Fitted(replace(candidate, hfov_deg=wider))
+    return Fitted(
+        candidate, f"view {spec.name}: fewer than {at_least} are in sight in some frames, however wide the view"
+    )
+
+
+def _enough(pass_preview: PassPreview, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:
+    """Whether enough key frames show enough objects; stops at the frame that decides it."""
+    may_fail = int(np.floor((1 - share) * len(pass_preview.keys) + 1e-9))
+    for panorama in pass_preview.keys:
+        may_fail -= count(pass_preview.renderer.render(panorama, spec)) < at_least
+        if may_fail < 0:
+            return False
+    return True

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from savmap.vision.edges import subpixel
 
 from savmap.geometry import pinhole, sphere
 from savmap.geometry.lines import Lines
 from savmap.types import Floats, Panorama, ViewSpec
-from savmap.vision.edges import subpixel
-from savmap.vision.edges.profiles import RADIANCE
-from savmap.vision.edges.subpixel import Bools, Edges, Subpixel
+from savmap.vision.subpixel import RADIANCE, Bools, Edges, Subpixel
 
 HEIGHT = 512
 SPEC = ViewSpec("face", yaw_deg=20.0, pitch_deg=4.0, roll_deg=-2.0, hfov_deg=100.0, width=320, height=240)

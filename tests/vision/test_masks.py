@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from savmap.vision.edges.masks import Runs, border_points, enveloped, runs_of, separated, union_of_longest
+from savmap.vision.masks import Runs, border_points, enveloped, runs_of, separated, union_of_longest
 
 
 def picture(*rows: str) -> np.ndarray:

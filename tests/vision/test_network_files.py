@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from savmap.files.atomic import sha256
-from savmap.vision.networks.files import network_digest, network_files
 from savmap.vision.networks.segmenter import Segmenter
+from savmap.vision.networks.session import network_digest, network_files
 
 from .weights import MODEL, retrain, with_weights_beside
 

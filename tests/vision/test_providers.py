@@ -11,9 +11,8 @@ import pytest
 from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
-from savmap.vision.networks.providers import PROVIDERS, choose, file_for
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.networks.session import open_network
+from savmap.vision.networks.session import PROVIDERS, choose, file_for, open_network
 
 from .test_segmenter import GOOD, HEIGHT, WIDTH, write_model
 

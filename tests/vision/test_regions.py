@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import label
 
 from savmap.types import Thresholds
-from savmap.vision.regions import NEAR_PX, connected_regions, hysteresis, region_labels
+from savmap.vision.masks import NEAR_PX, connected_regions, hysteresis, region_labels
 
 HYSTERESIS = Thresholds(0.5, 0.3, 0.75)
 

@@ -83,8 +83,8 @@ def test_not_a_model(tmp_path: Path) -> None:
     ("changed", "message"),
     [
         ({"savmap.format": "boxes"}, "savmap.format"),
-        ({"savmap.classes": "post"}, "names no classes"),
-        ({"savmap.classes": "[]"}, "JSON list of names"),
+        ({"savmap.classes": "post"}, "the classes in its metadata cannot be read"),
+        ({"savmap.classes": "[]"}, "a list of names is expected"),
         ({"savmap.classes": '["post", "bar"]'}, "its output must be"),
         ({"savmap.output": "logit"}, "savmap.output must be `logits` or `probabilities`, not `logit`"),
     ],

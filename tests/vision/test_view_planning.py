@@ -12,16 +12,18 @@ from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.pipeline.preview import overview
 from savmap.types import Panorama, View, ViewSpec
-from savmap.vision.field_of_view import LARGEST_HFOV_DEG, fit_count, fit_height
-from savmap.vision.travel import travel_directions
 from savmap.vision.view_planning import (
+    LARGEST_HFOV_DEG,
     Manual,
     PassPreview,
     ceiling_view,
     choose_face,
     face_at,
     face_candidates,
+    fit_count,
+    fit_height,
     floor_view,
+    travel_directions,
 )
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red

@@ -88,7 +88,7 @@ class Lights:
         attitude: Floats | None,
     ) -> door.ViewPlan:
         """Straight up, as narrow as shows two lamps. Paper, section III.B."""
-        every = self.config.every or pass_preview.apart()
+        every = self.config.every or pass_preview.frame_step()
         return door.count_view_plan(pass_preview, predict, manual, attitude, "ceiling", door.UPWARDS, every=every)
 
     @hookimpl

@@ -11,9 +11,18 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
-from savmap.vision.field_of_view import Fitted, fit_count, fit_height
-from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, PassPreview, Side, choose_face, tilted
+from savmap.vision.view_planning import (
+    Face,
+    Fitted,
+    Manual,
+    PassPreview,
+    Side,
+    choose_face,
+    fit_count,
+    fit_height,
+    parallax_rad,
+    tilted,
+)
 
 Predict = Callable[[View], list[Detection]]
 Extract = Callable[[View, Sequence[Detection]], list[Feature]]
@@ -68,7 +77,7 @@ def frame_interval(pass_preview: PassPreview, spec: ViewSpec) -> int:
     Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
     """
     step = parallax_rad(pass_preview.pairs, spec, pass_preview.renderer)
-    return pass_preview.apart(LARGEST_STEP_RAD / step if step else np.inf)
+    return pass_preview.frame_step(LARGEST_STEP_RAD / step if step else np.inf)
 
 
 def cached(predict: Predict) -> Predict:

@@ -64,7 +64,7 @@ class Signs:
         from savmap_signs.reading import missing_packages_note
 
         rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
-        interval = self.config.every or pass_preview.apart()
+        interval = self.config.every or pass_preview.frame_step()
         directions = FACE_VIEWS_DEG | (AISLE_VIEWS_DEG if self.config.along else {})
         specs = [
             _view_spec(name, rig_from_world @ LEVEL, yaw, pitch, interval) for name, (yaw, pitch) in directions.items()

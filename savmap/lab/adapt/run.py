@@ -27,7 +27,7 @@ from savmap.site.job import Job, job_for, prepare
 from savmap.site.overrides import Override
 from savmap.site.preflight import require_ready
 from savmap.types.progress import Monitor, SilentMonitor
-from savmap.vision.networks.files import network_digest
+from savmap.vision.networks.session import network_digest
 from savmap.vision.views import Renderer
 
 FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"

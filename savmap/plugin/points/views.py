@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation
 from savmap.types import Detection, Feature, Floats, Panorama, View, ViewPlan, ViewSpec
-from savmap.vision.field_of_view import fit_count, fit_height
-from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, face_at
+from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, face_at, fit_count, fit_height
 
 Mask = NDArray[np.bool_]
 BORDER_PX = 2

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from savmap.errors import ModelError
 from savmap.types import Detection, Thresholds
-from savmap.vision.networks import detr, semantic, yolo
-from savmap.vision.networks.adapter import Adapter, Probabilities, Segmentation, regions
-from savmap.vision.networks.semantic import network_input
+from savmap.vision.networks.adapter import Probabilities, Segmentation, regions
+from savmap.vision.networks.layouts import Detr, Semantic, Yolo, network_input
 from savmap.vision.networks.session import OpenNetwork, open_network
 
 __all__ = ["Probabilities", "Segmentation", "Segmenter", "network_input", "regions"]
 
 
+LAYOUTS = (Semantic, Yolo, Detr)
 LEAST_SIDE, MOST_SIDE = 8, 8192
 """Of a network's picture, pixels."""
 
@@ -68,7 +68,7 @@ class Segmenter:
         return f"{self.file.name}: {self.kind}, {size}, on {self.provider}"
 
 
-def adapter_for(network: OpenNetwork) -> Adapter:
+def adapter_for(network: OpenNetwork) -> Semantic | Yolo | Detr:
     """The adapter for a network's kind. Raises ModelError where there is none, or where the file breaks its kind's
     contract."""
     signature, run = network.signature, network.run
@@ -77,13 +77,10 @@ def adapter_for(network: OpenNetwork) -> Adapter:
         raise ModelError(
             f"{signature.path}: takes pictures of {size[0]}x{size[1]}; sides are {LEAST_SIDE} to {MOST_SIDE} pixels"
         )
-    if semantic.accepts(signature):
-        return semantic.Semantic(signature, run)
-    if yolo.accepts(signature):
-        return yolo.Yolo(signature, run)
-    if detr.accepts(signature):
-        return detr.Detr(signature, run)
-    taken = ", ".join((semantic.LAYOUT, yolo.LAYOUT, detr.LAYOUT))
+    for kind in LAYOUTS:
+        if kind.accepts(signature):
+            return kind(signature, run)
+    taken = ", ".join(layout.layout for layout in LAYOUTS)
     raise ModelError(
         f"{signature.path}: a network with {signature} is of no kind that is taken: {taken}; see docs/networks.md"
     )
@@ -92,9 +89,8 @@ def adapter_for(network: OpenNetwork) -> Adapter:
 def labels_of(
     names: Sequence[str], class_names: Mapping[str, str], wanted: Collection[str] | None, where: str
 ) -> tuple[str | None, ...]:
-    """The class that each of a network's classes counts as: the name that `class_names` gives for it or for its number,
-    else its own; None where that is not among those `wanted`. Raises ModelError for a name in `class_names` that the
-    network does not have."""
+    """What each of a network's classes counts as: what `class_names` gives for its name or number, else its name; None
+    where that is not `wanted`. Raises ModelError for a name in `class_names` that the network does not have."""
     numbers = {str(number): name for number, name in enumerate(names)}
     for key in class_names:
         if key not in names and key not in numbers:

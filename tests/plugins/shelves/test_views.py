@@ -8,8 +8,7 @@ import pytest
 
 from savmap.geometry import pinhole
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
-from savmap.vision.travel import parallax_rad
-from savmap.vision.view_planning import Face, Manual, PassPreview, Side
+from savmap.vision.view_planning import Face, Manual, PassPreview, Side, parallax_rad
 from savmap.vision.views import Renderer
 from savmap_shelves.views import cached, count_uprights, frame_interval, halves, which_hand, widened
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.types import Axis, Bools, Detection, Feature, Floats, Ints, Panorama, View
-from savmap.vision.edges.masks import Probability, Runs, separated, union_of_longest
+from savmap.vision.masks import Probability, Runs, separated, union_of_longest
 from savmap_shelves.boundaries.measuring import measured_strips
 from savmap_shelves.boundaries.merging import strips_of
 from savmap_shelves.boundaries.perspective import askew, crossed, paralleled
@@ -79,7 +79,7 @@ def extract_features(
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
-    With the panorama that the view was cut from, the edges are measured there (savmap.vision.edges.subpixel). Corners "second upper left" ... are
+    With the panorama that the view was cut from, the edges are measured there (savmap.vision.subpixel). Corners "second upper left" ... are
     those that second readings of beams' edges have at the uprights (savmap_shelves.boundaries.second).
     """
     settings = settings or BoundarySettings()

@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.geometry.lines import Lines, where
 from savmap.types import Floats, Panorama, ViewSpec
-from savmap.vision.edges.subpixel import Edges, measured
+from savmap.vision.subpixel import Edges, measured
 from savmap_shelves.boundaries.second import SecondReadings, second_readings
 from savmap_shelves.boundaries.strips import Strips
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap.vision.edges.masks import Probability, Runs
+from savmap.vision.masks import Probability, Runs
 from savmap_shelves.boundaries.perspective import steadied
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.boundaries.strips import Strips, borders_of, fitted

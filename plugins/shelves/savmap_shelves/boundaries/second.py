@@ -12,7 +12,7 @@ import numpy as np
 
 from savmap.geometry.lines import Lines
 from savmap.types import Bools, Floats, Ints, Panorama, ViewSpec, array_record
-from savmap.vision.edges.subpixel import Edges, Subpixel, measured
+from savmap.vision.subpixel import Edges, Subpixel, measured
 from savmap_shelves.boundaries.strips import Strips
 
 LEAST_BEAMS, UNLIKE = 3, 0.06

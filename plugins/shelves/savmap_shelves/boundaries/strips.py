@@ -10,7 +10,7 @@ import numpy as np
 
 from savmap.geometry.lines import Lines, robust_lines, where
 from savmap.types import Bools, Floats, Ints
-from savmap.vision.edges.masks import Probability, Runs, border_points, enveloped
+from savmap.vision.masks import Probability, Runs, border_points, enveloped
 from savmap_shelves.boundaries.settings import BoundarySettings
 
 LEAST_POINTS = 8

@@ -18,7 +18,7 @@ from savmap.lab.sim.drive.views import CameraSample, sample_camera
 from savmap.lab.sim.random_scene import classes_of, random_scene
 from savmap.lab.sim.render.shade import Image, Mask, Renderer, renderer
 from savmap.lab.sim.scene.build import build
-from savmap.vision.regions import connected_regions
+from savmap.vision.masks import connected_regions
 
 PLUGIN, NAME = "signs", "sign"
 VIEWS_A_SCENE = 10

@@ -9,8 +9,8 @@ from rack_pictures import Camera, Picture
 
 from savmap.geometry import pinhole, sphere
 from savmap.types import Detection, Feature, Floats, Panorama, ViewSpec
-from savmap.vision.edges.profiles import RADIANCE
 from savmap.vision.networks.segmenter import regions
+from savmap.vision.subpixel import RADIANCE
 from savmap_shelves.boundaries import extract_features
 from savmap_shelves.boundaries.features import Extraction, _beams, _separators
 from savmap_shelves.boundaries.measuring import _face_axes, _with_edges
