@@ -17,8 +17,7 @@ from typing import Any
 
 import savmap
 from savmap.files.atomic import write_text
-from savmap.graph.joint import rows
-from savmap.graph.solver import optimise
+from savmap.graph.solver import checks, optimise
 from savmap.pipeline import measure, networks, row, view_plans
 from savmap.video.motion import PassWatch
 
@@ -28,9 +27,9 @@ PARTS: tuple[tuple[Any, str, str, Callable[[], float]], ...] = (
     (view_plans, "require_panoramas", "footage: what its pictures are", time.thread_time),
     (PassWatch, "update", "footage: how the camera went", time.thread_time),
     (measure, "require_course", "footage: how the camera went", time.thread_time),
-    (optimise, "_judged", "references: soft solve and tests", time.process_time),
-    (rows, "half_differences", "repeatability: odd and even frames", time.process_time),
-    (rows, "panorama_errors", "camera: cropped and bent pictures", time.process_time),
+    (optimise, "_tested", "references: soft solve and tests", time.process_time),
+    (checks, "half_differences", "repeatability: odd and even frames", time.process_time),
+    (checks, "_panorama_errors", "camera: cropped and bent pictures", time.process_time),
     (row, "judge", "support, shape, residuals", time.process_time),
 )
 """What is timed: its owner, its name, what it is for, and a clock: of its own thread while others work, of the process where it is alone."""

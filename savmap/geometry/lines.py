@@ -132,11 +132,11 @@ def convergence(lines: Lines) -> float:
     if len(lines) < 3:
         return 0.0
     first, second = np.triu_indices(len(lines), 1)
-    apart = lines.at_zero[second] - lines.at_zero[first]
-    far = np.abs(apart) > 0.25 * np.ptp(lines.at_zero)
+    distance = lines.at_zero[second] - lines.at_zero[first]
+    far = np.abs(distance) > 0.25 * np.ptp(lines.at_zero)
     if np.ptp(lines.at_zero) < 1:
         return 0.0
-    return float(np.median((lines.slope[second] - lines.slope[first])[far] / apart[far]))
+    return float(np.median((lines.slope[second] - lines.slope[first])[far] / distance[far]))
 
 
 def _sums(group: Ints, values: Floats, count: int) -> Floats:

@@ -37,9 +37,9 @@ def nearest_points(origins: Floats, directions: Floats) -> Floats:
 def midway(origin: Floats, ray: Floats, other_origin: Floats, other_ray: Floats) -> Floats:
     """The points (..., 3) midway between two lines where they are nearest to one another; the rays are unit vectors and
     not parallel."""
-    apart = origin - other_origin
+    offset = origin - other_origin
     turn = (ray * other_ray).sum(axis=-1, keepdims=True)
-    along, other_along = (ray * apart).sum(axis=-1, keepdims=True), (other_ray * apart).sum(axis=-1, keepdims=True)
+    along, other_along = (ray * offset).sum(axis=-1, keepdims=True), (other_ray * offset).sum(axis=-1, keepdims=True)
     reach = (turn * other_along - along) / (1 - turn**2)
     other_reach = (other_along - turn * along) / (1 - turn**2)
     points: Floats = 0.5 * (origin + reach * ray + other_origin + other_reach * other_ray)

@@ -1,6 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.calibration.terms import Calibration, LensDistance, Shutter, Stitching, VerticalScale
+from savmap.graph.calibration import Calibration, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.graph.constraints import (
     TIGHT_M,
     Constraints,
@@ -13,13 +13,18 @@ from savmap.graph.constraints import (
 )
 from savmap.graph.factors.appearance import motion_constraints
 from savmap.graph.factors.checks import check_jacobians, require_valid_constraints
-from savmap.graph.factors.depths import ToldDepth, told_depths, with_depths
-from savmap.graph.factors.floor import floor_constraints, without_presumed
-from savmap.graph.factors.markers import marker_constraints
+from savmap.graph.factors.scene import (
+    MeasuredDepth,
+    floor_constraints,
+    marker_constraints,
+    measured_depths,
+    with_depths,
+    without_presumed,
+)
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
 from savmap.graph.initial.gaps import where_tracks_miss_frames
 from savmap.graph.initial.start import published_start
-from savmap.graph.joint.rows import solve_rows
+from savmap.graph.joint import solve_rows
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.measurements import Biases, ImageMeasurements, image_measurements, sight_lines
 from savmap.graph.problem import Problem, merge
@@ -32,9 +37,8 @@ from savmap.graph.references import (
     SurveyedPoint,
     camera_priors,
 )
-from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
-from savmap.graph.solver.solution import Landmark, RejectedMeasurement, Solution
+from savmap.graph.solver.solution import HalfDifference, Landmark, RejectedMeasurement, Solution
 
 __all__ = [
     "PUBLISHED",
@@ -52,6 +56,7 @@ __all__ = [
     "Landmark",
     "LensDistance",
     "LocatedCamera",
+    "MeasuredDepth",
     "Problem",
     "References",
     "RejectedMeasurement",
@@ -61,7 +66,6 @@ __all__ = [
     "SolveOptions",
     "Stitching",
     "SurveyedPoint",
-    "ToldDepth",
     "VerticalScale",
     "camera_priors",
     "check_jacobians",
@@ -77,6 +81,7 @@ __all__ = [
     "known_length",
     "locate_camera",
     "marker_constraints",
+    "measured_depths",
     "merge",
     "motion_constraints",
     "published_start",
@@ -85,7 +90,6 @@ __all__ = [
     "sight_lines",
     "solve",
     "solve_rows",
-    "told_depths",
     "where_tracks_miss_frames",
     "with_depths",
     "without_presumed",

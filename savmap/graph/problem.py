@@ -10,8 +10,7 @@ import gtsam
 import numpy as np
 
 from savmap.errors import SiteError, StructureError
-from savmap.graph.calibration.bends import drive_axes
-from savmap.graph.calibration.distortion import Scene, velocities
+from savmap.graph.calibration import Scene, drive_axes, velocities
 from savmap.graph.constraints import Constraints, Relation, factors_in
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
@@ -140,7 +139,7 @@ def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> P
     if not len(measurements) and not len(_frames_of(kept)):
         raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
     structure = tuple(relation for part in parts for relation in part.relations)
-    references = _told_apart(_reference_relations(camera, parts, structure, partial))
+    references = _uniquely_named(_reference_relations(camera, parts, structure, partial))
     return Problem(camera, kept, (*structure, *references), measurements, partial)
 
 
@@ -205,17 +204,17 @@ def _reference_relations(
     camera: CameraPriors, parts: tuple[Constraints, ...], structure: tuple[Relation, ...], partial: bool
 ) -> Iterator[Relation]:
     row = camera.facts.name
-    known = {name for part in parts for name in (*part.coordinates, *part.keys)}
+    names = _names_of(parts)
     for length in camera.references.lengths:
-        if not partial or {length.start, length.end} <= known:
+        if not partial or {length.start, length.end} <= set(names):
             yield _length(length, parts, structure, row)
     for point in camera.references.points:
-        if not partial or point.name in known:
+        if not partial or point.name in names:
             yield from _point(point, parts, row)
 
 
-def _told_apart(relations: Iterable[Relation]) -> Iterator[Relation]:
-    """References with names of their own: what is given twice is two references, either of which may be wrong."""
+def _uniquely_named(relations: Iterable[Relation]) -> Iterator[Relation]:
+    """What is given twice is two references, either of which may be wrong: each has its name."""
     seen: dict[str, int] = {}
     for relation in relations:
         seen[relation.name] = count = seen.get(relation.name, 0) + 1
@@ -228,7 +227,8 @@ def _length(length: KnownLength, parts: tuple[Constraints, ...], structure: tupl
     axis = length.axis or axis_a or axis_b or _free_axis(a, b, structure)
     if axis is None or len({axis, axis_a or axis, axis_b or axis}) > 1:
         raise SiteError(
-            f"row {row}: length from '{length.start}' to '{length.end}' is along no one axis; name two parallel edges or give its axis"
+            f"row {row}: length from '{length.start}' to '{length.end}' is along no one axis; "
+            "name two parallel edges or give its axis"
         )
     return Relation(axis, a, b, length.value_m, length.sigma_m, f"length {length.start} to {length.end}")
 
@@ -248,17 +248,22 @@ def _named_coordinate(name: str, parts: tuple[Constraints, ...], row: str) -> tu
             return part.coordinates[name]
         if name in part.keys:
             return None, part.keys[name]
-    hint = _nearest_name(name, [known for part in parts for known in (*part.coordinates, *part.keys)])
+    hint = _nearest_name(name, _names_of(parts))
     raise SiteError(f"row {row}: reference to '{name}', but no such thing was found in the video{hint}")
+
+
+def _names_of(parts: Sequence[Constraints]) -> list[str]:
+    """The names that references may use."""
+    return [name for part in parts for name in (*part.coordinates, *part.keys)]
 
 
 def _nearest_name(name: str, names: Sequence[str]) -> str:
     """A hint at the name that was meant: of those that differ by numbers alone the one with the nearest, else the one
     most alike."""
-    alike = [known for known in names if NUMBER.split(known) == NUMBER.split(name)]
+    alike = [other for other in names if NUMBER.split(other) == NUMBER.split(name)]
     if alike:
         wanted = np.array(NUMBER.findall(name), dtype=np.float64)
-        near = min(alike, key=lambda known: float(np.abs(np.array(NUMBER.findall(known), np.float64) - wanted).sum()))
+        near = min(alike, key=lambda other: float(np.abs(np.array(NUMBER.findall(other), np.float64) - wanted).sum()))
         return f"; the nearest name is '{near}': is all of the row in the video?"
     close = get_close_matches(name, names, 1, 0.0)
     return f"; the nearest name is '{close[0]}'" if close else ""

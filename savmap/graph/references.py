@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.terms import Calibration
+from savmap.graph.calibration import Calibration
 from savmap.types import Axis, RowFacts, Trajectory
 
 

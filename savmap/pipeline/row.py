@@ -245,7 +245,7 @@ def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[
 
 def with_flat_depths(
     row: LocatedRow, constraints: Mapping[str, Constraints], others: Sequence[Constraints], path: Trajectory | None
-) -> tuple[dict[str, Constraints], list[graph.ToldDepth]]:
+) -> tuple[dict[str, Constraints], list[graph.MeasuredDepth]]:
     """The plugins' constraints with how deep flat parts of their structures lie, and what the pictures told of that."""
     flat_parts = row.measurements.depths
     if not flat_parts:
@@ -255,11 +255,11 @@ def with_flat_depths(
             path = graph.locate_camera(graph.merge(row.frames, *constraints.values(), *others)).path
         except SolveError:  # the solve will tell
             return dict(constraints), []
-    depths = list(graph.told_depths(flat_parts, constraints, path))
+    depths = list(graph.measured_depths(flat_parts, constraints, path))
     return graph.with_depths(constraints, depths), depths
 
 
-def note_of(depth: graph.ToldDepth, row: str) -> str:
+def note_of(depth: graph.MeasuredDepth, row: str) -> str:
     """What to tell the user where what shows on flat parts does not fit what is known of them."""
     at, sigma = depth.relation.value, depth.relation.sigma
     place = f"{depth.relation.axis} = {100 * at:.1f} +- {100 * sigma:.1f} cm"

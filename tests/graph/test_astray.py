@@ -7,7 +7,7 @@ import pytest
 
 from savmap.geometry.pinhole import project
 from savmap.graph import Constraints, KnownLength, Problem, camera_priors, merge, solve
-from savmap.graph.solver.astray import frames_astray, without_frames
+from savmap.graph.solver.optimise import frames_astray, without_frames
 from savmap.types import Floats, Ints, Track
 
 from . import made_up_wall as made

@@ -8,8 +8,7 @@ import pytest
 
 from savmap.graph import Constraints, KeySpace, camera_priors, fixed_coordinate, image_measurements, merge
 from savmap.graph.problem import Estimate, first_poses
-from savmap.graph.solver.directions import DirectionalErrors, directional_errors
-from savmap.graph.solver.residuals import Fit
+from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
 from savmap.types import Floats
 
 from . import made_up_wall as made
@@ -56,5 +55,5 @@ def test_pictures_that_are_bent_at_a_seam(pixels_off: float) -> None:
 
 
 def test_too_few_measurements_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.graph.solver.directions.FEWEST", 10_000)
+    monkeypatch.setattr("savmap.graph.solver.residuals.FEWEST", 10_000)
     assert found(lambda pixels: np.zeros_like(pixels)) is None

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from savmap.graph import Constraints, equal_coordinate, fixed_coordinate, image_measurements, told_depths, with_depths
+from savmap.graph import (
+    Constraints,
+    equal_coordinate,
+    fixed_coordinate,
+    image_measurements,
+    measured_depths,
+    with_depths,
+)
 from savmap.types import FlatDepth, Trajectory
 
 
@@ -26,7 +33,7 @@ def depth(share: float, landmark: str = "beam 2") -> FlatDepth:
 
 def test_a_depth_becomes_a_relation_in_metres() -> None:
     constraints = {"racks": racks()}
-    told = list(told_depths([depth(-0.009)], constraints, path_before(2.0)))
+    told = list(measured_depths([depth(-0.009)], constraints, path_before(2.0)))
     (relation,) = set(with_depths(constraints, told)["racks"].relations) - set(racks().relations)
     assert (relation.axis, relation.a, relation.b, relation.name) == ("z", 8, None, "")
     assert relation.value == pytest.approx(-0.019)
@@ -38,20 +45,20 @@ def test_only_the_frames_that_were_looked_at_count() -> None:
     path = path_before(2.0)
     poses = path.world_from_rig.copy()
     poses[4:, 2, 3] = 5.0
-    (told,) = told_depths([depth(-0.009)], {"racks": racks()}, Trajectory(path.frames, poses))
+    (told,) = measured_depths([depth(-0.009)], {"racks": racks()}, Trajectory(path.frames, poses))
     assert told.relation.value == pytest.approx(-0.019)
 
 
 def test_what_contradicts_the_plugin_is_left_out() -> None:
     constraints = {"racks": racks()}
-    (told,) = told_depths([depth(0.02)], constraints, path_before(2.0))
+    (told,) = measured_depths([depth(0.02)], constraints, path_before(2.0))
     assert not told.likely
     assert with_depths(constraints, [told])["racks"].relations == constraints["racks"].relations
 
 
 def test_depths_of_what_is_not_there_are_left_out() -> None:
     constraints = {"racks": racks()}
-    assert not list(told_depths([depth(0.0, "beam 9")], constraints, path_before(2.0)))
-    assert not list(told_depths([depth(0.0)], {}, path_before(2.0)))
+    assert not list(measured_depths([depth(0.0, "beam 9")], constraints, path_before(2.0)))
+    assert not list(measured_depths([depth(0.0)], {}, path_before(2.0)))
     later = Trajectory(np.arange(10, 16), path_before(2.0).world_from_rig)
-    assert not list(told_depths([depth(0.0)], constraints, later))
+    assert not list(measured_depths([depth(0.0)], constraints, later))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from savmap.graph.solver.halves import odd_frames
+from savmap.graph.solver.checks import odd_frames
 
 
 @pytest.mark.parametrize("every", [1, 2, 4])

@@ -9,7 +9,7 @@ import pytest
 from savmap import graph
 from savmap.errors import SolveError
 from savmap.graph import CameraHeight, References, camera_priors
-from savmap.graph.factors.floor import REFERENCE, without_presumed
+from savmap.graph.factors.scene import FLOOR_REFERENCE, without_presumed
 from savmap.pipeline import cutting
 from savmap.pipeline.cutting import FloorCutter
 from savmap.pipeline.records import LocatedRow, PosedRow, RowMeasurements, RowRequest, TrackedRow
@@ -47,7 +47,7 @@ def test_the_cameras_height_over_the_floor_gives_the_scale() -> None:
     found = solution.landmarks_of("wall")
     wide = found["post 14"].position - found["post 0"].position
     assert wide == pytest.approx(made.WALL[14] - made.WALL[0], abs=0.02)
-    assert [reference.name for reference in solution.references] == [HEIGHT.name, REFERENCE]
+    assert [reference.name for reference in solution.references] == [HEIGHT.name, FLOOR_REFERENCE]
     assert solution.references[1].sigma == pytest.approx(0.002 * HEIGHT.value_m)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from savmap.errors import DoubtfulError
 from savmap.graph import Landmark, References, camera_priors, solve_rows
-from savmap.graph.solver.directions import DirectionalErrors
+from savmap.graph.solver.residuals import DirectionalErrors
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog

@@ -14,7 +14,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import job_for, plugins_for
 from savmap.site.overrides import overrides_of
 from savmap.types import View, ViewSpec
-from savmap.vision.networks import providers
+from savmap.vision.networks import session
 
 from ..vision.made_up_networks import SIDE, picture, yolo
 from .made_up_plugin import plugin_class
@@ -83,7 +83,7 @@ def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(providers, "_available", lambda: ["CPUExecutionProvider"])
+    monkeypatch.setattr(session.onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
     (note,) = SegmenterPool([plugin_with(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
     assert "tensorrt not in this onnxruntime" in note
     assert note.endswith("it runs on cpu")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from savmap.vision.edges import subpixel
 
 from savmap.geometry import pinhole, sphere
 from savmap.geometry.lines import Lines
 from savmap.types import Floats, Panorama, ViewSpec
+from savmap.vision import subpixel
 from savmap.vision.subpixel import RADIANCE, Bools, Edges, Subpixel
 
 HEIGHT = 512

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from savmap.vision.edges import subpixel
 
 from savmap.geometry.lines import Lines
 from savmap.types import Floats, Panorama
+from savmap.vision import subpixel
 from savmap.vision.subpixel import Edges, Subpixel
 
 from .drawn_strips import (

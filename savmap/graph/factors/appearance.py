@@ -45,10 +45,10 @@ def motion_constraints(
     structures gave; and, for the report, the numbers of points and of those that agree with it. Frames where the path
     is worse than a decimetre get no factor. `sigma_px`: of each point, much more than its error, for neighbouring
     points err alike and windows overlap."""
-    known = np.intersect1d(frames, path.frames[_sigma_m(path) < MOST_M])
+    located = np.intersect1d(frames, path.frames[_sigma_m(path) < MOST_M])
     graph, seen, used = gtsam.NonlinearFactorGraph(), 0, 0
     for flow in flows:
-        if not np.isin(flow.frames, known).all():
+        if not np.isin(flow.frames, located).all():
             continue
         at = np.searchsorted(path.frames, flow.frames)
         poses = path.world_from_rig[at]

@@ -48,9 +48,8 @@ def check_jacobians(constraints: Constraints, start: Trajectory) -> list[str]:
         if isinstance(factor, gtsam.NoiseModelFactor) and all(map(values.exists, factor.keys())):
             difference = jacobian_difference(factor, values)
             if difference > JACOBIAN_TOLERANCE:
-                lines.append(
-                    f"factor {number} ({type(factor).__name__}): its Jacobian differs from the derivative by {difference:.1%}"
-                )
+                what = f"factor {number} ({type(factor).__name__})"
+                lines.append(f"{what}: its Jacobian differs from the derivative by {difference:.1%}")
     return lines
 
 

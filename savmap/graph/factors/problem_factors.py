@@ -45,8 +45,8 @@ def measurement_factors(
     )
     made: list[gtsam.NonlinearFactor] = []
     for pixel, whiten, frame, key, view, width in rows:
-        plain = gtsam.noiseModel.Gaussian.SqrtInformation(whiten, False)
-        noise = gtsam.noiseModel.Robust.Create(losses[width], plain) if width in losses else plain
+        gaussian = gtsam.noiseModel.Gaussian.SqrtInformation(whiten, False)
+        noise = gtsam.noiseModel.Robust.Create(losses[width], gaussian) if width in losses else gaussian
         made.append(
             gtsam.GenericProjectionFactorCal3_S2(
                 pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]

@@ -56,13 +56,13 @@ def _largest_gap(frames: FrameTable, seen: Mapping[int, Sightings]) -> str:
     """A sentence about the largest gap, and what to do, from what each frame saw, in order."""
     numbers = {name: [frame for frame in seen if frames.passes[frame] == name] for name in dict.fromkeys(frames.passes)}
     gaps = (gap for of_pass in numbers.values() for gap in _gaps(frames, {frame: seen[frame] for frame in of_pass}))
-    found = max(gaps, default=None)
-    return f"{found[1]}: see whether the video was cut there" if found else ""
+    largest = max(gaps, default=None)
+    return f"{largest[1]}: see whether the video was cut there" if largest else ""
 
 
 def _gaps(frames: FrameTable, seen: Mapping[int, Sightings]) -> Iterator[tuple[float, str]]:
     """Gaps in a pass, each with how many times as large as usual it is."""
-    steps = [_step(frames, *one) for one in pairwise(seen.items())]
+    steps = [_step(frames, *pair) for pair in pairwise(seen.items())]
     if len(steps) < LEAST_STEPS:
         return
     usual_s, usual_px, usual_share = (
@@ -84,8 +84,8 @@ def _gaps(frames: FrameTable, seen: Mapping[int, Sightings]) -> Iterator[tuple[f
             yield JUMP, f"frames seem to be missing {where} (at {at}): {hardly} is seen in both"
 
 
-def _step(frames: FrameTable, one: tuple[int, Sightings], other: tuple[int, Sightings]) -> Step:
-    (before, first), (after, second) = one, other
+def _step(frames: FrameTable, start: tuple[int, Sightings], end: tuple[int, Sightings]) -> Step:
+    (before, first), (after, second) = start, end
     both = [place for place in first if place in second]
     moved = [float(np.hypot(*(second[place] - first[place]))) for place in both]
     middle = float(np.median(moved)) if len(moved) >= LEAST_SHARED else float("nan")

@@ -125,8 +125,8 @@ def _rows(problem: Problem, plan: Layout, forms: Floats, poses: Floats) -> csc_m
     if plan.cameras:
         parts.append((row, 3 * problem.at_frame[:, None, None] + np.arange(3), -forms))
     else:
-        known = -np.einsum("nij,nj->ni", forms, poses[problem.at_frame, :3, 3])[:, :, None]
-        parts.append((row, np.full((1, 1, 1), plan.size), known))
+        constant = -np.einsum("nij,nj->ni", forms, poses[problem.at_frame, :3, 3])[:, :, None]
+        parts.append((row, np.full((1, 1, 1), plan.size), constant))
     flat = [tuple(np.broadcast_to(array, shape.shape).ravel() for array in (r, c, shape)) for r, c, shape in parts]
     rows, cols, data = (np.concatenate(arrays) for arrays in zip(*flat, strict=True))
     return coo_matrix((data, (rows, cols)), shape=(2 * len(forms), plan.size + 1)).tocsc()

@@ -175,14 +175,19 @@ def equation(problem: Problem, relation: Relation, points: Floats) -> Floats:
 def _scale_advice(problem: Problem) -> str:
     if problem.camera.references.markers:
         names = " and ".join(marker.name for marker in problem.camera.references.markers)
-        return f"marker {names} was not seen well enough to give it: see that it is in the footage, or give another reference"
+        remedy = "see that it is in the footage, or give another reference"
+        return f"marker {names} was not seen well enough to give it: {remedy}"
     heights = bool(problem.camera.references.camera_heights)
     levels = any(r.name and r.axis == "y" and r.b is None for r in problem.relations)
     if heights and not levels:
         return f"a camera height alone does not give it: add {_height_reference(problem)} or a known length"
     if levels and not heights:
-        return "known heights on the structure alone do not give it: add a camera height or a known length under 'references'"
-    return "add a known length or a marker, or a camera height and a known height on the structure, or two surveyed points under 'references'"
+        remedy = "add a camera height or a known length under 'references'"
+        return f"known heights on the structure alone do not give it: {remedy}"
+    return (
+        "add a known length or a marker, or a camera height and a known height on the structure, "
+        "or two surveyed points under 'references'"
+    )
 
 
 def _height_reference(problem: Problem) -> str:

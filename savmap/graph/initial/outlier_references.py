@@ -62,7 +62,8 @@ def contradiction(problem: Problem, what: str) -> SolveError:
     return SolveError(
         f"row {problem.camera.facts.name}: the references contradict one another or the video: {what}; "
         + (f"{gap}; " if gap else "")
-        + "measure again what is named, or leave it out where the video does not show that part (`savmap check` draws what is seen)"
+        + "measure again what is named, or leave it out where the video does not show that part "
+        "(`savmap check` draws what is seen)"
     )
 
 

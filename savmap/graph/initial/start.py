@@ -38,13 +38,13 @@ def published_start(
 
 
 def _filled(attitudes: Floats, facts: RowFacts) -> Floats:
-    known = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
-    if not known.any():
+    finite = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
+    if not finite.any():
         raise StructureError(f"row {facts.name}: the camera's attitude is not known in any frame")
     filled = attitudes.copy()
     for name in dict.fromkeys(facts.frames.passes):
         numbers = facts.frames.of_pass(name)
-        good = numbers[known[numbers]] if known[numbers].any() else np.flatnonzero(known)
+        good = numbers[finite[numbers]] if finite[numbers].any() else np.flatnonzero(finite)
         filled[numbers] = rotations_at(numbers, good, attitudes[good])
     return filled
 
@@ -70,7 +70,7 @@ class Start:
     @property
     def refuted_notes(self) -> tuple[str, ...]:
         """What to tell the user about references that are left out."""
-        return tuple(line_of(*one) for one in self.refuted)
+        return tuple(line_of(*outlier) for outlier in self.refuted)
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:

@@ -1,4 +1,9 @@
-"""The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change."""
+"""The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change; and
+without frames that were solved far from those before and after them.
+
+In such a frame too little was seen, and a camera does not leap. The frame fits its few measurements wherever it is, so
+that no residual shows it; but it bends what others see there, and pictures laid on a plane from such a place cover it.
+"""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -6,11 +11,10 @@ from functools import reduce
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
-from savmap.graph.calibration.report import calibration_report
+from savmap.graph.calibration import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
 from savmap.graph.initial.observability import SCALE_LIMIT, UnknownScaleError, robust_fit
@@ -18,9 +22,7 @@ from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
-from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.astray import frames_astray, without_frames
-from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.problem import Estimate, Problem, frames_bound
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
 from savmap.graph.solver.judgement.reference_tests import (
@@ -30,12 +32,11 @@ from savmap.graph.solver.judgement.reference_tests import (
     tested_keys,
 )
 from savmap.graph.solver.judgement.soft_references import softened
-from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt
+from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt, aisle_ordering
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
-from savmap.types import Doubt, Floats, Trajectory
+from savmap.types import Bools, Doubt, Floats, Ints, Trajectory
 
-Mask = NDArray[np.bool_]
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
 SOFT_ROUNDS = 3
@@ -47,6 +48,8 @@ LARGE = 2.0
 another reference is the remedy."""
 FAR_OFF_M = 0.25
 """A reference that is so far off a first fit to all would bend the path by which other structures are looked for."""
+LEAP, USUAL_QUANTILE = 6.0, 0.75
+MOST_FRAMES_ASTRAY = 2
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,7 @@ class Iterate:
     @property
     def reported(self) -> "Iterate":
         """With the factors for the standard deviations that are reported instead."""
-        scales = self.fit.scales * self.fit.own
+        scales = self.fit.scales * self.fit.spread
         persisting = replace(self.persistence, solved=self.persistence.reported)
         return replace(self, fit=replace(self.fit, scales=scales), persistence=persisting)
 
@@ -138,21 +141,14 @@ def locate_camera(problem: Problem, sigmas: bool = False) -> LocatedCamera:
         iterate = converged(problem, options)
     except SolveError:  # the solve of the row will tell
         iterate = converged(problem, replace(options, judge_far=False))
-    path = _with_sigmas(iterate) if sigmas else trajectory(iterate.problem, iterate.estimate)
-    return LocatedCamera(path, iterate.problem.assumed, positions(iterate.problem, iterate.estimate))
-
-
-def _with_sigmas(iterate: Iterate) -> Trajectory:
-    cameras = _covariance(iterate.reported, None).cameras
-    return trajectory(iterate.problem, iterate.estimate, np.sqrt(np.maximum(cameras, 0.0)))
-
-
-def positions(problem: Problem, estimate: Estimate) -> dict[str, dict[str, Floats]]:
-    """The landmarks' positions (3,), by plugin and name."""
-    return {
+    problem, estimate = iterate.problem, iterate.estimate
+    cameras = _covariance(iterate.reported, None).cameras if sigmas else None
+    spread = None if cameras is None else np.sqrt(np.maximum(cameras, 0.0))
+    points = {
         part.plugin: {name: estimate.points[problem.index(key)] for name, key in part.keys.items()}
         for part in problem.parts
     }
+    return LocatedCamera(trajectory(problem, estimate, spread), problem.assumed, points)
 
 
 def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
@@ -175,15 +171,16 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
 
 def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
     begin = _likeliest(starts(problem, chosen.start), chosen)
-    found, estimate, soft = _judged(begin, chosen)
-    *_, last = _rounds(found.problem, estimate, chosen, soft)
+    judgement, estimate, soft = _tested(begin, chosen)
+    *_, last = _rounds(judgement.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
-    found = replace(found, given=begin.given)
-    return reduce(Iterate.doubted, begin.doubts, replace(last, notes=(*begin.notes, *found.notes), judgement=found))
+    judgement = replace(judgement, given=begin.given)
+    last = replace(last, notes=(*begin.notes, *judgement.notes), judgement=judgement)
+    return reduce(Iterate.doubted, begin.doubts, last)
 
 
-def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
+def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
     """The problem without wrong references, where to start with it, and the optimum with soft references, where there
     are any. Raises SolveError where it is not clear which one is wrong."""
     given, estimate = begin.given, begin.estimate
@@ -194,7 +191,7 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not options.judge and max(misfits.values(), default=0.0) < FAR_OFF_M:
         return roughly
     if similarity.scale <= 0:
-        doubts = tuple(not_seen(*one) for one in begin.refuted)
+        doubts = tuple(not_seen(*outlier) for outlier in begin.refuted)
         return Judgement(begin.problem, doubts=doubts), estimate, None
     if not misfits:
         return roughly
@@ -203,9 +200,9 @@ def _judged(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
         return roughly
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
-    found = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
-    kept = last.fit.kept & ~measured_for(found.problem, found.mistaken)
-    return found, aligned(found.problem, last.estimate), replace(last, fit=replace(last.fit, kept=kept))
+    judgement = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
+    kept = last.fit.kept & ~measured_for(judgement.problem, judgement.mistaken)
+    return judgement, aligned(judgement.problem, last.estimate), replace(last, fit=replace(last.fit, kept=kept))
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
@@ -221,10 +218,10 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit, judgement.mistaken)
-    aside = measured_for(problem, judgement.mistaken)
+    excluded = measured_for(problem, judgement.mistaken)
     try:
         solution = build_solution(
-            problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, aside
+            problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, excluded
         )
     except UnknownScaleError as error:
         doubts = "; ".join(doubt.line for doubt in judgement.doubts if doubt.kind == "reference")
@@ -243,15 +240,15 @@ def _misfit(iterate: Iterate) -> str:
     problem, fit = iterate.problem, iterate.fit
     if not fit.kept.any() or fit.scale < LARGE:
         return ""
-    ones = np.ones(len(fit.kept))
-    as_given = replace(iterate, fit=replace(fit, scales=ones), persistence=Persistence(ones, ones))
+    unit = np.ones(len(fit.kept))
+    as_given = replace(iterate, fit=replace(fit, scales=unit), persistence=Persistence(unit, unit))
     if not scale_sigma(problem, iterate.estimate, _covariance(as_given, None)) < SCALE_LIMIT:
         return ""
     off_px = float(np.sqrt(np.mean(pixels_off(problem, fit)[fit.kept] ** 2)))
     return (
-        f"what was measured does not fit together: pixels are off by {off_px:.1f} px, {fit.scale:.1f} times as far as they should be, which "
-        "hides the scale that the references give; check that the pictures are whole panoramas of one aisle, neither cropped nor "
-        "stretched, and the camera's height and other references"
+        f"what was measured does not fit together: pixels are off by {off_px:.1f} px, {fit.scale:.1f} times as far as "
+        "they should be, which hides the scale that the references give; check that the pictures are whole panoramas "
+        "of one aisle, neither cropped nor stretched, and the camera's height and other references"
     )
 
 
@@ -270,8 +267,8 @@ def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
     if costs[second] - costs[best] < CLEARLY and not begins[best].problem.partial:
         part, other = (" and ".join(begins[k].alternatives) for k in (best, second))
         raise SolveError(
-            f"row {begins[0].problem.camera.facts.name}: only a part of the row was found, and it is not clear whether that is"
-            f" {part} or {other}: give only the references of the part that the footage shows"
+            f"row {begins[0].problem.camera.facts.name}: only a part of the row was found, and it is not clear whether "
+            f"that is {part} or {other}: give only the references of the part that the footage shows"
         )
     return begins[best]
 
@@ -282,7 +279,7 @@ def _by_class(measurements: ImageMeasurements, inflation: Floats) -> dict[str, f
         return {}
     names = enumerate(measurements.class_names)
     of_class = {name: inflation[measurements.classes == number] for number, name in names}
-    usual = {f"variance_inflation, {name}": float(np.median(own)) for name, own in of_class.items() if len(own)}
+    usual = {f"variance_inflation, {name}": float(np.median(some)) for name, some in of_class.items() if len(some)}
     return {"variance_inflation": float(np.median(inflation)), **usual}
 
 
@@ -305,7 +302,7 @@ def _rounds(
     biases. With what is `begun` with other references, the measurements that fitted there come first. `bias` (k,):
     where the biases begin."""
     huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
-    kept: Mask = np.ones(len(problem.measurements), dtype=bool)
+    kept: Bools = np.ones(len(problem.measurements), dtype=bool)
     bias = _initial_biases(problem, options) if bias is None else bias
     weight, first_scale = np.ones(len(kept)), 0.0
     if begun is not None:
@@ -398,3 +395,43 @@ def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Float
     columns = np.broadcast_to(biases.indices[:, None, :], values.shape)
     shape = (2 * len(values), len(biases.prior))
     return csc_array(coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
+
+
+def frames_astray(problem: Problem, poses: Floats, points: Floats) -> Ints:
+    """Numbers (k,) of the frames whose pose (f, 4, 4) is a leap away from both neighbours' in their pass, one or two in
+    a row.
+
+    A leap is farther than the landmarks, at `points` (m, 3), usually are, and `LEAP` times what three quarters of the
+    steps between frames stay below, for the time between them.
+    """
+    if problem.camera.fixed is not None:
+        return np.zeros(0, np.int64)
+    away = np.linalg.norm(points[problem.at_key] - poses[problem.at_frame, :3, 3], axis=1)
+    usual = float(np.median(away)) if len(away) else np.inf
+    astray = [problem.used[of_pass[_leapt(problem, poses, of_pass, usual)]] for of_pass in problem.passes()]
+    return np.concatenate([np.zeros(0, np.int64), *astray])
+
+
+def without_frames(problem: Problem, frames: Ints) -> Problem:
+    """The problem without what was measured in some frames; itself where a landmark was measured in these alone, or a
+    plugin's factor binds one of them."""
+    kept = ~np.isin(problem.measurements.frames, frames)
+    if (
+        set(problem.measurements.keys[kept]) != set(problem.measurements.keys)
+        or np.isin(frames, frames_bound(problem)).any()
+    ):
+        return problem
+    return replace(problem, measurements=problem.measurements.take(kept))
+
+
+def _leapt(problem: Problem, poses: Floats, of_pass: Ints, least: float) -> Ints:
+    """Indices (k,) into a pass's frames of those in short runs between leaps of at least `least`."""
+    if len(of_pass) <= 2 * MOST_FRAMES_ASTRAY + 1:
+        return np.zeros(0, np.int64)
+    stamps = problem.camera.facts.frames.stamps_s[problem.used[of_pass]]
+    steps = np.linalg.norm(np.diff(poses[of_pass, :3, 3], axis=0), axis=1)
+    times = np.diff(stamps) / max(float(np.median(np.diff(stamps))), 1e-9)
+    paces = steps / np.maximum(times, 1.0)
+    leaps = paces > max(LEAP * float(np.quantile(paces, USUAL_QUANTILE)), least)
+    run = np.concatenate([[0], np.cumsum(leaps)])
+    return np.flatnonzero(np.bincount(run)[run] <= MOST_FRAMES_ASTRAY)

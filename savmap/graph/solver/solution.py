@@ -6,13 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.geometry.poses import columns_at, rotations_at
+from savmap.geometry.poses import columns_at, poses_at
 from savmap.graph.covariance import Covariance, Covariances
 from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.directions import DirectionalErrors, directional_errors
-from savmap.graph.solver.halves import HalfDifference
 from savmap.graph.solver.judgement.reference_tests import (
     CONTRADICTED,
     GROSS_SIGMA,
@@ -21,16 +19,19 @@ from savmap.graph.solver.judgement.reference_tests import (
     reference_tests,
     refuse_contradiction,
 )
-from savmap.graph.solver.residuals import Fit
-from savmap.types import Bools, Doubt, Floats, Ints, ReferenceUse, Trajectory
+from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
+from savmap.types import Bools, Doubt, Floats, ReferenceUse, Trajectory
 
 WARN_SIGMA = 3.0
 VAGUE_SCALE = 0.015
 MANY_REJECTED = 0.25
 DRIFT_M = 0.05
-LEAST_APART_M = 0.01
+LEAST_DISTANCE_M = 0.01
 MISFIT, NONSENSE = 5.0, 100.0
 """How many times as far off as they should be measurements are that are doubted, and those that say nothing."""
+LEAST_DEVIATION, LEAST_DISPLACEMENT_M = 4.5, 0.0025
+"""Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance
+does in one row of a thousand, and move the point of view of some ray by more than so much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,15 @@ class Landmark:
     observations: int
     rejected: int
     offsets: Floats = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True, eq=False)
+class HalfDifference:
+    """A landmark's position by the second, fourth ... frames less that by the first, third ... ones (3,), m."""
+
+    plugin: str
+    name: str
+    difference: Floats
 
 
 @dataclass(frozen=True)
@@ -67,11 +77,6 @@ class VerticalScaleError:
     def report(self) -> dict[str, float]:
         """Its entries in the row's report."""
         return {"elevations, percent": 100 * self.share, "elevations, sigma percent": 100 * self.sigma}
-
-
-LEAST_DEVIATION, LEAST_DISPLACEMENT_M = 4.5, 0.0025
-"""Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance
-does in one row of a thousand, and move the point of view of some ray by more than so much."""
 
 
 @dataclass(frozen=True)
@@ -157,12 +162,12 @@ def build_solution(
     bias: Floats,
     notes: tuple[str, ...] = (),
     figures: Mapping[str, float | str] | None = None,
-    set_aside: Bools | None = None,
+    excluded: Bools | None = None,
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are
-    `set_aside` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
+    `excluded` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    aside = np.zeros(len(fit.kept), np.bool_) if set_aside is None else set_aside
+    excluded = np.zeros(len(fit.kept), np.bool_) if excluded is None else excluded
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
@@ -173,7 +178,7 @@ def build_solution(
         require_known(problem, sigma)
     return Solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
-        landmarks=_landmarks(problem, estimate, fit, covariance, aside),
+        landmarks=_landmarks(problem, estimate, fit, covariance, excluded),
         references=tuple(test.use for test in tests),
         rejected=tuple(_rejected(problem, fit)),
         warnings=(*notes, *_warnings(tests, share, sigma)),
@@ -195,13 +200,13 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
-        doubts=(*_misfits(problem, fit, aside), *_contradicted(tests)),
+        doubts=(*_misfits(problem, fit, excluded), *_contradicted(tests)),
         directional=directional,
     )
 
 
 def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
-    """A doubt about each reference that the solve contradicts, whatever was judged of it before."""
+    """A doubt about each reference that the solve contradicts."""
     for test in tests:
         if test.deviation > GROSS_SIGMA:
             off = abs(test.predicted - test.use.value)
@@ -209,16 +214,18 @@ def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
             yield Doubt("reference", CONTRADICTED, figure=figure, action=action, details=(test.line,))
 
 
-def _misfits(problem: Problem, fit: Fit, aside: Bools) -> Iterator[Doubt]:
-    """A doubt about each class of measurements that hardly agree with one another: errors so large or so many are none
-    of measuring, however wide their sigmas are. Raises SolveError where they say nothing at all."""
+def _misfits(problem: Problem, fit: Fit, excluded: Bools) -> Iterator[Doubt]:
+    """A doubt about each class of measurements that hardly agree: errors so large or so many are none of measuring.
+    Raises SolveError where they say nothing at all."""
     for number, name in enumerate(problem.measurements.class_names):
-        of_class = (problem.measurements.classes == number) & ~aside
+        of_class = (problem.measurements.classes == number) & ~excluded
         rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
         times = float(fit.scales[of_class].max(initial=0.0))
         if rejected > MANY_REJECTED or times > MISFIT:
-            how = f"{rejected:.0%} of its pixels fit nothing, and the others are off {times:.1f} times as far as they should be"
-            line = f"what was measured of `{name}` does not fit together: {how}"
+            line = (
+                f"what was measured of `{name}` does not fit together: {rejected:.0%} of its pixels fit nothing, and "
+                f"the others are off {times:.1f} times as far as they should be"
+            )
             if times > NONSENSE:
                 raise SolveError(f"row {problem.camera.facts.name}: {line}: are these whole panoramas, of one aisle?")
             what, figure = "measurements do not fit together", f"{rejected:.0%} rejected"
@@ -235,13 +242,13 @@ def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[
 
 
 def _landmarks(
-    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, aside: Bools
+    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, excluded: Bools
 ) -> dict[str, dict[str, Landmark]]:
-    own = fit.kept | ~aside
+    of_landmark = fit.kept | ~excluded
     used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
-    order = np.lexsort((~fit.kept[own], problem.at_key[own]))
-    ends = np.searchsorted(problem.at_key[own][order], np.arange(1, len(problem.keys)))
-    offsets = np.split(_offsets(problem, estimate, fit)[own][order], ends)
+    order = np.lexsort((~fit.kept[of_landmark], problem.at_key[of_landmark]))
+    ends = np.searchsorted(problem.at_key[of_landmark][order], np.arange(1, len(problem.keys)))
+    offsets = np.split(_offsets(problem, estimate, fit)[of_landmark][order], ends)
     slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
 
     def landmark(key: int) -> Landmark:
@@ -277,37 +284,29 @@ def trajectory(problem: Problem, estimate: Estimate, sigma: Floats | None = None
     for of_pass in problem.passes():
         if not len(of_pass):
             continue
-        known = problem.used[of_pass]
-        numbers = table.of_pass(table.passes[int(known[0])])
-        wanted = numbers[(numbers >= known[0]) & (numbers <= known[-1])]
+        solved = problem.used[of_pass]
+        numbers = table.of_pass(table.passes[int(solved[0])])
+        wanted = numbers[(numbers >= solved[0]) & (numbers <= solved[-1])]
+        between = poses_at(wanted, solved, estimate.poses[of_pass])
+        between[np.isin(wanted, solved)] = estimate.poses[of_pass]
         frames.append(wanted)
-        poses.append(_between(wanted, known, estimate.poses[of_pass]))
+        poses.append(between)
         if sigma is not None:
-            gap = np.abs(wanted[:, None] - known).min(axis=1)[:, None]
-            sigmas.append(columns_at(wanted, known, sigma[of_pass]) + DRIFT_M * gap)
+            gap = np.abs(wanted[:, None] - solved).min(axis=1)[:, None]
+            sigmas.append(columns_at(wanted, solved, sigma[of_pass]) + DRIFT_M * gap)
     order = np.argsort(np.concatenate(frames), kind="stable")
     spread = np.concatenate(sigmas)[order] if sigma is not None else None
     return Trajectory(np.concatenate(frames)[order], np.concatenate(poses)[order], spread)
 
 
-def _between(wanted: Ints, known: Ints, poses: Floats) -> Floats:
-    filled = np.tile(np.eye(4), (len(wanted), 1, 1))
-    filled[:, :3, :3] = rotations_at(wanted, known, poses[:, :3, :3])
-    filled[:, :3, 3] = columns_at(wanted, known, poses[:, :3, 3])
-    exact = np.isin(wanted, known)
-    filled[exact] = poses
-    return filled
-
-
 def scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) -> float:
-    """Relative standard deviation of the scale: that of the best known distance along the aisle from the row's
-    origin."""
+    """Relative standard deviation of the scale: that of the best distance along the aisle from the row's origin."""
     slots = {key: 3 * index for index, key in enumerate(covariance.keys)}
     order = [slots[int(key)] for key in problem.keys]
     sigma = np.sqrt(np.maximum(np.diag(covariance.points)[order], 0.0))
     distance = np.abs(estimate.points[:, 0])
-    apart = distance > LEAST_APART_M
-    return float((sigma[apart] / distance[apart]).min()) if apart.any() else 0.0
+    far = distance > LEAST_DISTANCE_M
+    return float((sigma[far] / distance[far]).min()) if far.any() else 0.0
 
 
 def _warnings(tests: list[ReferenceTest], share: float, sigma: float) -> Iterator[str]:

@@ -22,18 +22,22 @@ from savmap.graph import (
     solve,
     solve_rows,
 )
-from savmap.graph.calibration.bends import BENDS, Bend, drive_axes, largest_displacement, total_baseline
-from savmap.graph.calibration.distortion import (
+from savmap.graph.calibration import (
+    BENDS,
+    LENS_DISTANCES,
+    Bend,
     Distortion,
     Lenses,
     Scene,
+    drive_axes,
+    largest_displacement,
     lowered,
     read_out_share,
     rear_share,
+    total_baseline,
     turns,
     velocities,
 )
-from savmap.graph.calibration.terms import LENS_DISTANCES
 from savmap.graph.problem import Problem
 from savmap.types import Floats, Track, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain

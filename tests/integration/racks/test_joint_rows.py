@@ -10,10 +10,16 @@ import two_faces
 
 from savmap.errors import SolveError
 from savmap.graph import CameraHeight, Constraints, KeySpace, Problem, Solution, image_measurements, merge, solve_rows
-from savmap.graph.factors.markers import square
-from savmap.graph.joint.rekey import rekey_factor, rekey_values, row_of, values_of_row
-from savmap.graph.joint.shared_frames import shared_frame_factors, shared_frames
-from savmap.graph.joint.shared_measurements import shared_measurements
+from savmap.graph.factors.scene import square
+from savmap.graph.joint import (
+    rekey_factor,
+    rekey_values,
+    row_of,
+    shared_frame_factors,
+    shared_frames,
+    shared_measurements,
+    values_of_row,
+)
 from savmap.graph.keys import frame_key
 from savmap.types import Track
 

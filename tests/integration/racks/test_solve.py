@@ -11,7 +11,7 @@ from savmap.graph.factors.problem_factors import measurement_factors, other_fact
 from savmap.graph.initial.start import starts
 from savmap.graph.keys import ORIGIN, centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
-from savmap.graph.solver.elimination import aisle_ordering
+from savmap.graph.solver.levenberg_marquardt import aisle_ordering
 from savmap_shelves.constraints import GridSettings, constrain
 
 

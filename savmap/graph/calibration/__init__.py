@@ -1,1 +1,0 @@
-"""Unknowns of the camera: stitching and read-out of its panoramas."""

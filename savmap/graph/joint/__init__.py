@@ -1,1 +1,0 @@
-"""Several rows in one graph, where they share frames."""
