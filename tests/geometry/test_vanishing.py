@@ -34,7 +34,7 @@ def rotation(yaw: float, pitch: float, roll: float) -> np.ndarray:
     return pinhole.rig_from_view(yaw, pitch, roll).T @ LEVEL
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("tilt", [0.0, 10.0, 35.0])
 def test_manhattan_is_found_whichever_way_the_camera_is_turned(seed: int, tilt: float) -> None:
     rng = np.random.default_rng(100 + seed)
@@ -56,10 +56,7 @@ def test_manhattan_refines_from_a_start_and_keeps_its_names() -> None:
     found = manhattan_from_segments(rays_a, rays_b, start)
     assert found is not None
     assert degrees_between(found.rig_from_manhattan, true) < 0.3
-
-
-def test_manhattan_needs_segments() -> None:
-    assert manhattan_from_segments(np.eye(3), np.eye(3)[[1, 2, 0]]) is None
+    assert manhattan_from_segments(rays_a[:5], rays_b[:5]) is None, "too few segments"
 
 
 def test_facing_names_axes() -> None:

@@ -14,11 +14,14 @@ from savmap.graph import (
     Constraints,
     KeySpace,
     KnownLength,
+    Problem,
     References,
     Relation,
+    camera_priors,
     fixed_coordinate,
     image_measurements,
     known_length,
+    merge,
     sight_lines,
 )
 from savmap.plugin.hookspecs import hookimpl
@@ -32,6 +35,7 @@ SPEC = ViewSpec("face", 0.0, hfov_deg=110.0, width=320, height=240)
 WALL = np.array([[x, y, 0.0] for x in (0.0, 1.0, 2.0, 3.0, 4.0) for y in (0.5, 1.3, 2.2)])
 CORNERS = np.array([[x, 0.0, z] for x in (0.5, 1.5, 2.5, 3.5) for z in (0.3, 0.6)])
 NAMES = [f"stripe corner {number}" for number in range(1, len(CORNERS) + 1)]
+KEYS = KeySpace("wall").keys(f"post {number}" for number in range(len(WALL)))
 CAMERA_HEIGHT = CameraHeight(1.5, 0.01)
 LENGTH = KnownLength(NAMES[0], NAMES[-2], 3.0, 0.002, axis="x")
 FACTS = RowFacts("A", FrameTable(np.arange(FRAMES) / 7.0, ("one",) * FRAMES), {VIEW: SPEC}, {"one": 1})
@@ -55,6 +59,16 @@ def track(name: str, point: Floats, label: str) -> Track:
     seen = np.flatnonzero(((pixels > 0) & (pixels < [319, 239])).all(axis=1))
     noisy = pixels[seen] + rng.normal(0, 0.1, (len(seen), 2))
     return Track(name, label, {}, seen, (VIEW,) * len(seen), noisy, np.tile(0.01 * np.eye(2), (len(seen), 1, 1)))
+
+
+def problem_of(
+    tracks: Sequence[Track], points: Floats, relations: tuple[Relation, ...] = (), given: References | None = None
+) -> Problem:
+    """The problem of one plugin, `wall`, whose tracks show points (n, 3) m."""
+    keys = KeySpace("wall").keys(track.name for track in tracks)
+    first = dict(zip(keys, points, strict=True))
+    part = Constraints("wall", keys, image_measurements(tracks, keys, FACTS.views), relations, first)
+    return merge(camera_priors(FACTS, path(), given), part)
 
 
 def triangulated(track: Track, start: Trajectory) -> Floats:

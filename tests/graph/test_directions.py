@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from savmap.graph import Constraints, KeySpace, camera_priors, fixed_coordinate, image_measurements, merge
 from savmap.graph.problem import Estimate, first_poses
 from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
 from savmap.types import Floats
@@ -20,13 +19,8 @@ def found(moved: Callable[[Floats], Floats]) -> DirectionalErrors | None:
     """The directional errors of points on a wall at their true places, whose pixels (n, 2) are moved."""
     tracks = [made.track(f"post {number}", point, "post") for number, point in enumerate(POINTS)]
     tracks = [replace(track, pixels=track.pixels + moved(track.pixels)) for track in tracks]
-    keys = KeySpace("wall").keys(track.name for track in tracks)
-    first = dict(zip(keys, POINTS, strict=True))
-    relations = (fixed_coordinate("x", keys["post 0"]),)
-    part = Constraints("wall", keys, image_measurements(tracks, keys, made.FACTS.views), relations, first)
-    problem = merge(camera_priors(made.FACTS, made.path()), part)
-    points = np.array([first[name] for name in sorted(keys, key=keys.__getitem__)])
-    estimate = Estimate(first_poses(problem), points, np.zeros(0), {})
+    problem = made.problem_of(tracks, POINTS)
+    estimate = Estimate(first_poses(problem), POINTS, np.zeros(0), {})
     count = len(problem.measurements)
     fit = Fit(np.zeros((count, 2)), np.ones(count, np.bool_), 1.0, np.ones(count), np.ones(count))
     return directional_errors(problem, estimate, fit).get("wall")

@@ -43,23 +43,17 @@ def test_colours_are_those_of_the_converter(space: int, full: bool) -> None:
     assert np.abs(difference).mean() < 1.5
 
 
-def test_planes_lie_in_the_frame() -> None:
-    frame = frame_of("yuv420p", BT601, False, (208, 104))
-    planes = picture_of(frame, VideoReformatter())
-    assert isinstance(planes, Planes)
-    assert planes.luma.shape == (104, 208)
-    assert np.shares_memory(planes.luma, np.frombuffer(memoryview(frame.planes[0]), np.uint8))
-
-
-def test_a_device_s_frames_are_the_same() -> None:
+def test_planes_lie_in_the_frame_and_are_the_same_from_a_device() -> None:
     frame = frame_of("yuv420p", BT709, False, (208, 104))
     theirs = frame.reformat(format="nv12")
-    planes, other = (picture_of(one, VideoReformatter()) for one in (frame, theirs))
+    planes, other = (picture_of(each, VideoReformatter()) for each in (frame, theirs))
     assert theirs.format.name == "nv12"
     assert isinstance(planes, Planes)
     assert isinstance(other, Planes)
     for name in ("luma", "blue", "red"):
         assert np.array_equal(getattr(planes, name), getattr(other, name))
+    assert planes.luma.shape == (104, 208)
+    assert np.shares_memory(planes.luma, np.frombuffer(memoryview(frame.planes[0]), np.uint8))
 
 
 @pytest.mark.parametrize(("name", "space"), [("yuv444p", BT601), ("yuv420p", SMPTE240)])

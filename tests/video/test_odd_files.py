@@ -17,17 +17,11 @@ from .made_up_video import evenly, picture, write_recording, write_video
 
 NAMES = [
     "2024-05-01T10:00:00.mp4",
-    "a%03d.mp4",
-    "what?.mp4",
-    "a#1.mp4",
+    "a%03d?#1.mp4",
     "-a.mp4",
     "concat:a.mp4|b.mp4",
-    "pipe:0.mp4",
-    "http:x.mp4",
     "file:a.mp4",
-    "subfile,,start,0,end,9,,:a.mp4",
     "fd:",
-    "~a.mp4",
     "a\n.mp4",
 ]
 
@@ -92,7 +86,7 @@ FORMATS = {
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("counts", [(50, 75), (75, 50), (50, 50)])
+@pytest.mark.parametrize("counts", [(50, 75), (75, 50)])
 def test_a_recording_behind_another_is_refused_at_once(tmp_path: Path, kind: str, counts: tuple[int, int]) -> None:
     codec, options = FORMATS[kind]
     parts = [

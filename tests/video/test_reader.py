@@ -22,10 +22,14 @@ def video(tmp_path: Path) -> Path:
     return write_video(tmp_path / "pass.mp4", evenly(60, 30))
 
 
-@pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
 @pytest.mark.parametrize(
-    ("codec", "pixel_format"),
-    [("libx264", "yuv420p"), ("libx264", "yuv420p10le"), ("libx265", "yuv420p"), ("libx265", "yuv420p10le")],
+    ("suffix", "codec", "pixel_format"),
+    [
+        ("mp4", "libx264", "yuv420p"),
+        ("mov", "libx264", "yuv420p10le"),
+        ("mkv", "libx265", "yuv420p"),
+        ("mp4", "libx265", "yuv420p10le"),
+    ],
 )
 def test_formats_give_the_pictures(tmp_path: Path, suffix: str, codec: str, pixel_format: str) -> None:
     path = write_video(tmp_path / f"a.{suffix}", evenly(6, 15), codec, pixel_format)
@@ -72,15 +76,18 @@ def test_frames_come_one_at_a_time(video: Path) -> None:
         assert report.decoded == count
 
 
-@pytest.mark.parametrize(("start", "end"), [(2.5, None), (1.0, 9.0), (-1.0, 1.0)])
-def test_range_outside_the_video(video: Path, start: float, end: float | None) -> None:
-    with pytest.raises(VideoError, match=r"outside the video, 2\.00 s long"):
+@pytest.mark.parametrize(
+    ("start", "end", "words"),
+    [
+        (2.5, None, r"outside the video, 2\.00 s long"),
+        (1.0, 9.0, "outside the video"),
+        (-1.0, 1.0, "outside the video"),
+        (1.5, 1.0, "before its start"),
+    ],
+)
+def test_range_outside_the_video_or_backwards(video: Path, start: float, end: float | None, words: str) -> None:
+    with pytest.raises(VideoError, match=words):
         next(panoramas(Clip(video, start, end)))
-
-
-def test_range_backwards(video: Path) -> None:
-    with pytest.raises(VideoError, match="before its start"):
-        next(panoramas(Clip(video, 1.5, 1.0)))
 
 
 def _damaged(path: Path, offsets: Sequence[float], count: int) -> Path:
@@ -118,12 +125,6 @@ def test_truncated_file_gives_what_it_holds(tmp_path: Path) -> None:
     assert "ends" in report.text()
 
 
-def test_truncated_mp4_without_index(video: Path) -> None:
-    video.write_bytes(video.read_bytes()[: video.stat().st_size // 2])
-    with pytest.raises(VideoError, match="cut off or damaged"):
-        probe(video)
-
-
 def test_nothing_decodable(video: Path) -> None:
     data = bytearray(video.read_bytes())
     first = data.find(b"mdat") + 4
@@ -144,16 +145,6 @@ def test_missing_empty_and_no_video(tmp_path: Path) -> None:
         with pytest.raises(VideoError, match=words) as caught:
             probe(path)
         assert "\n" not in str(caught.value)
-    with pytest.raises(VideoError, match="not a video"):
-        probe(text.rename(tmp_path / "notes.mp4"))
-
-
-@pytest.mark.parametrize("suffix", ["png", "jpg"])
-def test_a_single_picture_is_no_video(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"a.{suffix}"
-    cv2.imwrite(str(path), picture(0))
-    with pytest.raises(VideoError, match="not a video"):
-        probe(path)
 
 
 def test_a_file_with_sound_only(tmp_path: Path) -> None:
@@ -174,10 +165,11 @@ def test_not_two_to_one(tmp_path: Path) -> None:
         probe(path)
 
 
-def write_pictures(folder: Path, count: int) -> Path:
+def write_pictures(folder: Path, count: int, repeated: int = 1) -> Path:
     folder.mkdir()
     for index in range(count):
-        cv2.imwrite(str(folder / f"{index:04}.png"), cv2.cvtColor(picture(index), cv2.COLOR_RGB2BGR))
+        shown = picture(index - index % repeated)
+        cv2.imwrite(str(folder / f"{index:04}.png"), cv2.cvtColor(shown, cv2.COLOR_RGB2BGR))
     return folder
 
 
@@ -258,23 +250,13 @@ def test_scouting_decodes_key_frames_alone_where_they_are_close(
     assert sum(map(len, packets)) <= len(decoded) + 1
 
 
-def test_pairs_of_repeated_frames_are_taken_further_apart(tmp_path: Path) -> None:
-    folder = tmp_path / "pictures"
-    folder.mkdir()
-    for index in range(60):
-        cv2.imwrite(str(folder / f"{index:04}.png"), cv2.cvtColor(picture(index - index % 4), cv2.COLOR_RGB2BGR))
-    _, pairs = preview_frames(Clip(folder, images_fps=15.0))
-    assert any(np.abs(b.image.astype(int) - a.image).mean() > 1 for a, b in pairs)
-
-
-def test_frames_that_never_differ_are_previewed_all_the_same(tmp_path: Path) -> None:
-    folder = tmp_path / "pictures"
-    folder.mkdir()
-    for index in range(60):
-        cv2.imwrite(str(folder / f"{index:04}.png"), picture(0))
+@pytest.mark.parametrize("repeated", [4, 60])
+def test_pairs_of_repeated_frames_are_taken_further_apart(tmp_path: Path, repeated: int) -> None:
+    """Frames that never differ are previewed all the same."""
+    folder = write_pictures(tmp_path / "pictures", 60, repeated)
     keys, pairs = preview_frames(Clip(folder, images_fps=15.0))
-    assert len(keys) == 9
-    assert len(pairs) == 3
+    assert (len(keys), len(pairs)) == (9, 3)
+    assert any(np.abs(b.image.astype(int) - a.image).mean() > 1 for a, b in pairs) == (repeated < 60)
 
 
 def test_fewer_frames_than_the_header_says_are_paired_all_the_same(tmp_path: Path) -> None:
@@ -286,7 +268,7 @@ def test_fewer_frames_than_the_header_says_are_paired_all_the_same(tmp_path: Pat
     assert [b.stamp_s - a.stamp_s for a, b in pairs] == pytest.approx([1 / 6] * 3, abs=0.01)
 
 
-@pytest.mark.parametrize("suffix", ["mkv", "mov", "ts"])
+@pytest.mark.parametrize("suffix", ["mkv", "ts"])
 def test_a_recording_that_begins_at_one_hour(tmp_path: Path, suffix: str) -> None:
     """As editing programs and streams write them: times count from the first frame, and so does the length."""
     path = write_video(tmp_path / f"a.{suffix}", [3600 + stamp for stamp in evenly(60, 30)])
