@@ -19,7 +19,7 @@ LEFT, RIGHT = (16.0, 32.0, 32.0, 64.0), (48.0, 32.0, 32.0, 64.0)
 POST, BAR = (0.9, 0.1), (0.1, 0.8)
 
 
-@pytest.mark.parametrize(("width", "height"), [(SIDE, SIDE), (128, 96), (96, 128), (64, 48), (32, 32)])
+@pytest.mark.parametrize(("width", "height"), [(SIDE, SIDE), (128, 96), (96, 128), (32, 32)])
 def test_yolo_masks_lie_where_the_picture_has_them(tmp_path: Path, width: int, height: int) -> None:
     network = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], NAMES))
     maps = network.probabilities(picture(width, height, (width // 4, width // 2)))
@@ -35,8 +35,8 @@ def test_yolo_masks_lie_where_the_picture_has_them(tmp_path: Path, width: int, h
 def test_yolo_instances_that_touch_are_two(tmp_path: Path) -> None:
     network = Segmenter(yolo(tmp_path / "m.onnx", [(LEFT, POST), (RIGHT, POST)], NAMES))
     found = network.detections(picture(SIDE, SIDE, (0, SIDE)), 0.5, 12)
-    assert [one.label for one in found] == ["post", "post"]
-    columns = [np.flatnonzero(one.mask.any(axis=0)) for one in found]
+    assert [each.label for each in found] == ["post", "post"]
+    columns = [np.flatnonzero(each.mask.any(axis=0)) for each in found]
     assert abs(columns[0][-1] - SIDE // 2) <= 4
     assert columns[1][0] == columns[0][-1] + 1
     assert not (found[0].mask & found[1].mask).any()
@@ -49,12 +49,9 @@ def test_yolo_finds_a_thing_once_and_nothing_it_is_unsure_of(tmp_path: Path) -> 
     boxes = [(again, (0.6, 0.1)), (WHOLE, POST), (inside, (0.5, 0.0)), (WHOLE, (0.1, 0.2))]
     found = Segmenter(yolo(tmp_path / "m.onnx", boxes, NAMES)).detections(picture(SIDE, SIDE, (16, 32)), 0.5, 12)
     assert [one.label for one in found] == ["post"]
-
-
-def test_things_of_two_classes_may_be_at_one_place(tmp_path: Path) -> None:
     network = Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST), (WHOLE, BAR)], NAMES))
     found = network.detections(picture(SIDE, SIDE, (16, 32)), 0.5, 12)
-    assert [one.label for one in found] == ["post", "bar"]
+    assert [one.label for one in found] == ["post", "bar"], "two classes may be at one place"
 
 
 def test_a_mask_ends_with_its_box(tmp_path: Path) -> None:
@@ -79,10 +76,6 @@ def test_yolo_exports_of_open_size_and_of_half_precision(tmp_path: Path, kind: s
     assert edges(maps[1, 48]) == pytest.approx([31.5, 63.5], abs=0.25)
 
 
-def test_yolo_without_names_numbers_its_classes(tmp_path: Path) -> None:
-    assert Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)])).classes == ("0", "1")
-
-
 @pytest.mark.parametrize(
     "class_names", [{"post": "pillar", "bar": "rail"}, {"0": "pillar", "1": "rail"}], ids=["names", "numbers"]
 )
@@ -93,12 +86,8 @@ def test_classes_are_called_what_the_site_calls_them(tmp_path: Path, class_names
     only = Segmenter(path, 1, class_names, {"rail"})
     assert only.classes == ("rail",)
     assert only.probabilities(picture(SIDE, SIDE, (0, SIDE))).shape == (2, SIDE, SIDE)
-
-
-def test_several_classes_may_count_as_one(tmp_path: Path) -> None:
-    path = yolo(tmp_path / "m.onnx", [(LEFT, POST), (RIGHT, BAR)], NAMES)
-    found = Segmenter(path, 1, {"bar": "post"}).detections(picture(SIDE, SIDE, (0, SIDE)), 0.5, 12)
-    assert [one.label for one in found] == ["post", "post"]
+    joined = Segmenter(path, 1, {"bar": "post"}).detections(picture(SIDE, SIDE, (0, SIDE)), 0.5, 12)
+    assert [one.label for one in joined] == ["post", "post"]
 
 
 def test_semantic_classes_are_renamed_and_summed(tmp_path: Path) -> None:
@@ -139,7 +128,8 @@ def test_detr_layouts(tmp_path: Path, names: tuple[str, str], boxes: str | None,
     assert edges(found.probability[48]) == pytest.approx([31.5, 63.5], abs=0.25)
 
 
-def test_detr_without_names_numbers_its_classes(tmp_path: Path) -> None:
+def test_networks_without_names_number_their_classes(tmp_path: Path) -> None:
+    assert Segmenter(yolo(tmp_path / "y.onnx", [(WHOLE, POST)])).classes == ("0", "1")
     path = detr(tmp_path / "m.onnx", [[-9.0, 5.0, -9.0]], ("labels", "masks"), "dets")
     assert Segmenter(path).classes == ("0", "1", "2")
     assert Segmenter(path, 1, {"1": "post"}, {"post"}).classes == ("post",)
@@ -170,12 +160,8 @@ def test_a_network_of_no_kind_that_is_taken(tmp_path: Path) -> None:
 def test_yolo_metadata_that_does_not_fit(tmp_path: Path, metadata: dict[str, str], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], **metadata))
-
-
-def test_names_by_digits_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    names = {str(number): f"class {number}" for number in range(12)}
-    path = yolo(tmp_path / "m.onnx", [(WHOLE, np.linspace(0, 0.9, 12).tolist())], str(names))
-    assert Segmenter(path).classes == tuple(names.values())
+    digits = {"1": "bar", "0": "post"}
+    assert Segmenter(yolo(tmp_path / "m.onnx", [(WHOLE, POST)], str(digits))).classes == ("post", "bar")
 
 
 @pytest.mark.parametrize(("imgsz", "size"), [("[96, 64]", (64, 96)), ("96", (96, 96)), ("[0, 64]", (640, 640))])
