@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 from savmap.errors import SolveError
 from savmap.geometry.pinhole import rig_from_view
 from savmap.graph.covariance import Covariance
-from savmap.graph.measurements import Biases, ImageMeasurements
+from savmap.graph.measurements import Biases, ImageMeasurements, cameras_of
 from savmap.types import Floats
 
 LEAST_DEPTH = 0.02
@@ -58,17 +58,18 @@ class Bend:
     upwards: bool = False
     initial_m: float = 0.0
 
-    def baseline(self, drive: Floats) -> Floats:
-        """The unit direction (3,) from the rear lens to the front one."""
-        return np.asarray(drive[2] if self.upwards else self._axis(drive))
-
-    def _axis(self, drive: Floats) -> Floats:
+    def axis(self, drive: Floats) -> Floats:
+        """The unit direction (3,) of the front lens."""
         turn = np.radians(self.turn_deg)
         return np.asarray(np.cos(turn) * drive[0] + np.sin(turn) * drive[1])
 
+    def baseline(self, drive: Floats) -> Floats:
+        """The unit direction (3,) from the rear lens to the front one."""
+        return np.asarray(drive[2] if self.upwards else self.axis(drive))
+
     def points_of_view(self, rays: Floats, drive: Floats) -> Floats:
         """From where (n, 3), beside the rig's centre, unit rays (n, 3) are seen, for a baseline of a metre."""
-        from_seam = np.degrees(np.arcsin(np.clip(rays @ self._axis(drive), -1.0, 1.0)))
+        from_seam = np.degrees(np.arcsin(np.clip(rays @ self.axis(drive), -1.0, 1.0)))
         share = np.clip(from_seam / self.half_width_deg, -1.0, 1.0) / 2
         return np.asarray(share[:, None] * self.baseline(drive))
 
@@ -137,9 +138,8 @@ class Lenses:
     @staticmethod
     def of(measurements: ImageMeasurements) -> "Lenses":
         """The lens of each measurement."""
-        mounts = np.array([spec.rig_from_view for spec in measurements.views]).reshape(-1, 3, 3)
-        cameras = np.array([spec.camera for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
-        return Lenses(mounts[measurements.view], cameras[:, [0, 1], [0, 1]], cameras[:, :2, 2])
+        cameras, mounts = cameras_of(measurements)
+        return Lenses(mounts, cameras[:, [0, 1], [0, 1]], cameras[:, :2, 2])
 
     def rays(self, pixels: Floats) -> Floats:
         """Unit rays (n, 3) in the rig frame."""
@@ -233,6 +233,13 @@ class Distortion:
         return np.asarray(np.einsum("nij,nj->ni", slopes, moving) * (depths > LEAST_DEPTH_M)[:, None])
 
 
+def _axis_across(axis: Floats, rays: Floats) -> Floats:
+    """Unit axes (n, 3) about which `axis` (3,) turns to rays (n, 3)."""
+    across = np.cross(axis, rays)
+    across /= np.maximum(np.linalg.norm(across, axis=-1), 1e-9)[:, None]
+    return np.asarray(across)
+
+
 def rear_share(rays: Floats, front_deg: float, blend_deg: float) -> Floats:
     """How much (n,) of what is seen along rays (n, 3) the rear lens shows, 0..1."""
     off_axis = np.arccos(np.clip(rays @ rig_from_view(front_deg, 0.0, 0.0)[:, 2], -1.0, 1.0))
@@ -244,8 +251,7 @@ def turns(rays: Floats, rear: Floats, front_deg: float) -> Floats:
     rig_from_lens = rig_from_view(front_deg, 0.0, 0.0)
     ahead = rig_from_lens[:, 2]
     off_axis = np.arccos(np.clip(rays @ ahead, -1.0, 1.0))
-    about = np.cross(ahead, rays)
-    about /= np.maximum(np.linalg.norm(about, axis=-1), 1e-9)[:, None]
+    about = _axis_across(ahead, rays)
     halves = (rear - 0.5)[:, None, None] * rig_from_lens.T
     stretched = [((1 - rear) * off_axis)[:, None] * about, (rear * (np.pi - off_axis))[:, None] * -about]
     return np.concatenate([halves, np.stack(stretched, axis=1)], axis=1)
@@ -253,10 +259,8 @@ def turns(rays: Floats, rear: Floats, front_deg: float) -> Floats:
 
 def lowered(rays: Floats) -> Floats:
     """Small turns (n, 3) of rays (n, 3) towards the panorama's horizon, by as much as they are above or below it."""
-    down = np.array([0.0, 1.0, 0.0])
-    about = np.cross(rays, down)
-    about /= np.maximum(np.linalg.norm(about, axis=-1), 1e-9)[:, None]
-    return np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))[:, None] * about
+    about = -_axis_across(np.array([0.0, 1.0, 0.0]), rays)
+    return np.asarray(np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))[:, None] * about)
 
 
 def read_out_share(rays: Floats, front_deg: float, axis: str) -> Floats:
@@ -375,31 +379,27 @@ class Calibration:
         """The measurements with the parameters as their last biases; `corrected` fills in the slopes."""
         biases, count = measurements.biases, len(self.names)
         added = len(biases.prior) + np.tile(np.arange(count), (len(measurements), 1))
-        slopes = np.zeros((len(measurements), 2, count))
         wider = Biases(
             np.concatenate([biases.indices, added], axis=1),
-            np.concatenate([biases.slopes, slopes], axis=2),
+            np.pad(biases.slopes, ((0, 0), (0, 0), (0, count))),
             np.concatenate([biases.prior, self.prior]),
-            np.concatenate([biases.free, np.ones(count, np.bool_)]),
-            np.concatenate([biases.relative, np.zeros(count, np.bool_)]),
+            np.pad(biases.free, (0, count), constant_values=True),
+            np.pad(biases.relative, (0, count)),
         )
         return replace(measurements, biases=wider)
 
     def without_parameters(self, measurements: ImageMeasurements) -> ImageMeasurements:
         """The measurements without the parameters, which are their last biases."""
         biases = measurements.biases
-        count = len(biases.prior) - len(self.names)
-        by_measurement = biases.indices.shape[1] - len(self.names)
-        return replace(
-            measurements,
-            biases=Biases(
-                biases.indices[:, :by_measurement],
-                biases.slopes[:, :, :by_measurement],
-                biases.prior[:count],
-                biases.free[:count],
-                biases.relative[:count],
-            ),
+        count, slots = (size - len(self.names) for size in (len(biases.prior), biases.indices.shape[1]))
+        fewer = Biases(
+            biases.indices[:, :slots],
+            biases.slopes[:, :, :slots],
+            biases.prior[:count],
+            biases.free[:count],
+            biases.relative[:count],
         )
+        return replace(measurements, biases=fewer)
 
     def corrected(self, measurements: ImageMeasurements, values: Floats, scene: Scene) -> ImageMeasurements:
         """Measurements with these parameters corrected for `values` (p,), and their slopes to these now.

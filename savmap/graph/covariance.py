@@ -9,18 +9,16 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_solve, cholesky
 from scipy.linalg.lapack import dpotri
 from scipy.sparse import coo_matrix, csc_array, csc_matrix, hstack, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from savmap.errors import SolveError
-from savmap.types import Floats, Ints
+from savmap.types import Bools, Floats, Ints
 
 CHUNK = 256
 BLOCK = 144
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +170,7 @@ def _joint(
     """Covariance (w, w) of the `wanted` (w,) among the unknowns (n,), shared ones being last, the step (n,) to the
     optimum of all, and how far (w, c) the wanted follow each shared one that is not free, a standard deviation off.
 
-    SharedUnknowns ones that are not free keep their prior, and the others' estimates follow them.
+    Those that are not free keep their prior, and the others' estimates follow them.
     """
     fixed = np.zeros(len(information), np.bool_)
     if shared is not None and len(shared.free):

@@ -74,18 +74,8 @@ class ImageMeasurements:
 
     def take(self, chosen: NDArray[np.bool_]) -> "ImageMeasurements":
         """The measurements where a mask (n,) is true."""
-        return ImageMeasurements(
-            self.frames[chosen],
-            self.keys[chosen],
-            self.view[chosen],
-            self.pixels[chosen],
-            self.covariances[chosen],
-            self.dof[chosen],
-            self.views,
-            self.biases.take(chosen),
-            self.classes[chosen],
-            self.class_names,
-        )
+        names = ("frames", "keys", "view", "pixels", "covariances", "dof", "classes")
+        return replace(self, biases=self.biases.take(chosen), **{name: getattr(self, name)[chosen] for name in names})
 
     def inflated(self, factors: Floats) -> "ImageMeasurements":
         """The measurements with `factors` (n,) times their covariances."""
@@ -135,15 +125,16 @@ def image_measurements(
     the tracks' order."""
     number = {name: index for index, name in enumerate(views)}
     labels = tuple(dict.fromkeys(track.label for track in tracks))
+    weights, dof = weights or {}, dof or {}
+    covariances = [track.covariances / weights.get(track.name, 1.0) for track in tracks]
+    worth = [dof.get(track.name, usual_dof(track.covariances)) for track in tracks]
     return ImageMeasurements(
         np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
-        np.repeat(np.array([keys[track.name] for track in tracks], np.int64), [len(track.frames) for track in tracks]),
+        np.array([keys[track.name] for track in tracks for _ in track.views], np.int64),
         np.array([number[view] for track in tracks for view in track.views], np.int64),
         np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
-        np.concatenate(
-            [np.zeros((0, 2, 2)), *(track.covariances / (weights or {}).get(track.name, 1.0) for track in tracks)]
-        ),
-        np.concatenate([np.zeros(0), *((dof or {}).get(track.name, plain_dof(track.covariances)) for track in tracks)]),
+        np.concatenate([np.zeros((0, 2, 2)), *covariances]),
+        np.concatenate([np.zeros(0), *worth]),
         tuple(views.values()),
         biases or no_biases(sum(len(track.frames) for track in tracks)),
         np.array([labels.index(track.label) for track in tracks for _ in track.views], np.int64),
@@ -151,7 +142,7 @@ def image_measurements(
     )
 
 
-def plain_dof(covariances: Floats) -> Floats:
+def usual_dof(covariances: Floats) -> Floats:
     """2 for round covariances (n, 2, 2), 1 for those more than 30 times as long as wide."""
     spread = np.linalg.eigvalsh(covariances)
     return np.where(spread[:, 1] > 900 * spread[:, 0], 1.0, 2.0)
@@ -159,19 +150,16 @@ def plain_dof(covariances: Floats) -> Floats:
 
 def join(parts: Sequence[ImageMeasurements]) -> ImageMeasurements:
     """Measurements of several plugins in one record, plugin after plugin."""
-    offsets = np.cumsum([0, *(len(part.views) for part in parts)]).tolist()
+    views = np.cumsum([0, *(len(part.views) for part in parts)]).tolist()
     names = np.cumsum([0, *(len(part.class_names) for part in parts)]).tolist()
+    same = ("frames", "keys", "pixels", "covariances", "dof")
     return ImageMeasurements(
-        np.concatenate([part.frames for part in parts]),
-        np.concatenate([part.keys for part in parts]),
-        np.concatenate([part.view + offset for part, offset in zip(parts, offsets, strict=False)]),
-        np.concatenate([part.pixels for part in parts]),
-        np.concatenate([part.covariances for part in parts]),
-        np.concatenate([part.dof for part in parts]),
-        tuple(spec for part in parts for spec in part.views),
-        _joined_biases([part.biases for part in parts]),
-        np.concatenate([part.classes + offset for part, offset in zip(parts, names, strict=False)]),
-        tuple(name for part in parts for name in part.class_names),
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in same},
+        view=np.concatenate([part.view + offset for part, offset in zip(parts, views, strict=False)]),
+        views=tuple(spec for part in parts for spec in part.views),
+        biases=_joined_biases([part.biases for part in parts]),
+        classes=np.concatenate([part.classes + offset for part, offset in zip(parts, names, strict=False)]),
+        class_names=tuple(name for part in parts for name in part.class_names),
     )
 
 
@@ -179,22 +167,24 @@ def _joined_biases(parts: Sequence[Biases]) -> Biases:
     """Biases of several plugins in one record: no two plugins share a bias."""
     slots = max((part.indices.shape[1] for part in parts), default=0)
     first = np.cumsum([0, *(len(part.prior) for part in parts)]).tolist()
-    wider = [slots - part.indices.shape[1] for part in parts]
+    wider = [((0, 0), (0, slots - part.indices.shape[1])) for part in parts]
     return Biases(
-        np.concatenate(
-            [np.pad(p.indices + at, ((0, 0), (0, more))) for p, at, more in zip(parts, first, wider, strict=False)]
-        ),
-        np.concatenate([np.pad(p.slopes, ((0, 0), (0, 0), (0, more))) for p, more in zip(parts, wider, strict=True)]),
-        np.concatenate([part.prior for part in parts]),
-        np.concatenate([part.free for part in parts]),
-        np.concatenate([part.relative for part in parts]),
+        np.concatenate([np.pad(p.indices + at, more) for p, at, more in zip(parts, first, wider, strict=False)]),
+        np.concatenate([np.pad(p.slopes, ((0, 0), *more)) for p, more in zip(parts, wider, strict=True)]),
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("prior", "free", "relative")),
     )
+
+
+def cameras_of(measurements: ImageMeasurements) -> tuple[Floats, Floats]:
+    """The calibration matrix (n, 3, 3) and rig_from_view (n, 3, 3) of each measurement."""
+    cameras = np.array([spec.camera for spec in measurements.views]).reshape(-1, 3, 3)
+    rotations = np.array([spec.rig_from_view for spec in measurements.views]).reshape(-1, 3, 3)
+    return cameras[measurements.view], rotations[measurements.view]
 
 
 def linear_forms(measurements: ImageMeasurements) -> LinearForms:
     """The measurements' linear forms in the rig frame."""
-    cameras = np.array([spec.camera for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
-    rotations = np.array([spec.rig_from_view for spec in measurements.views]).reshape(-1, 3, 3)[measurements.view]
+    cameras, rotations = cameras_of(measurements)
     forms = np.zeros((len(measurements), 2, 3))
     forms[:, 0, 0], forms[:, 1, 1] = cameras[:, 0, 0], cameras[:, 1, 1]
     forms[:, :, 2] = cameras[:, :2, 2] - measurements.pixels

@@ -41,7 +41,7 @@ class Problem:
     @cached_property
     def used(self) -> Ints:
         """Numbers (f,) of the frames that something was measured in, or that a plugin's factor binds, sorted."""
-        return np.union1d(self.measurements.frames, _frames_of(self.parts))
+        return np.union1d(self.measurements.frames, frames_of(self.parts))
 
     @cached_property
     def keys(self) -> Ints:
@@ -136,7 +136,7 @@ def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> P
     frames = measurements.frames if camera.fixed is None else np.union1d(measurements.frames, camera.fixed.frames)
     solved = {frame_key(frame) for frame in np.unique(frames).tolist()}
     kept = tuple(_within(part, solved) for part in parts)
-    if not len(measurements) and not len(_frames_of(kept)):
+    if not len(measurements) and not len(frames_of(kept)):
         raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
     structure = tuple(relation for part in parts for relation in part.relations)
     references = _uniquely_named(_reference_relations(camera, parts, structure, partial))
@@ -160,11 +160,6 @@ def _of_sure_frames(measurements: ImageMeasurements) -> ImageMeasurements:
     frames, index = np.unique(measurements.frames, return_inverse=True)
     sure = np.bincount(index, weights=equations, minlength=len(frames)) >= UNKNOWNS
     return measurements.take(sure[index])
-
-
-def frames_bound(problem: Problem) -> Ints:
-    """Numbers (k,) of the frames that plugins' factors bind."""
-    return _frames_of(problem.parts)
 
 
 def first_poses(problem: Problem) -> Floats:
@@ -194,7 +189,7 @@ def _frame_keys(factor: gtsam.NonlinearFactor) -> set[int]:
     return {key for key in keys if is_frame(key)}
 
 
-def _frames_of(parts: Sequence[Constraints]) -> Ints:
+def frames_of(parts: Sequence[Constraints]) -> Ints:
     """Numbers (k,) of the frames that the plugins' factors bind."""
     keys = set[int]().union(*(_frame_keys(factor) for part in parts for factor in factors_in(part.factors)))
     return np.array(sorted(gtsam.symbolIndex(key) for key in keys), np.int64)

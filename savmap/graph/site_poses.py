@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import gtsam
 import numpy as np
+from scipy.linalg import block_diag
 
 from savmap.errors import SolveError
 from savmap.types import Floats, Placement
@@ -121,25 +122,14 @@ def _solved(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, keys: Mappi
         joint = np.array(marginals.jointMarginalCovariance(list(keys.values())).fullMatrix())
     except RuntimeError as error:
         raise SolveError(f"the rows' places in the site are not determined by what binds them: {error}") from error
-    turns = np.zeros((3 * len(keys), 3 * len(keys)))
-    poses = {}
-    for number, (name, key) in enumerate(keys.items()):
-        pose = solved.atPose2(key)
-        block = slice(3 * number, 3 * number + 3)
-        turns[block, block] = _site_from_tangent(pose.theta())
-        poses[name] = pose
+    poses = [solved.atPose2(key) for key in keys.values()]
+    turns = block_diag(*(_site_from_tangent(pose.theta()) for pose in poses))
     joint = turns @ joint @ turns.T
-    return SitePoses(
-        {
-            name: _place(pose, joint[3 * n : 3 * n + 3, 3 * n : 3 * n + 3])
-            for n, (name, pose) in enumerate(poses.items())
-        },
-        joint,
-    )
-
-
-def _place(pose: gtsam.Pose2, covariance: Floats) -> Placement:
-    return Placement(pose.x(), -pose.y(), float(np.degrees(pose.theta())), covariance)
+    places = {}
+    for number, (name, pose) in enumerate(zip(keys, poses, strict=True)):
+        block = slice(3 * number, 3 * number + 3)
+        places[name] = Placement(pose.x(), -pose.y(), float(np.degrees(pose.theta())), joint[block, block])
+    return SitePoses(places, joint)
 
 
 def _site_from_tangent(heading_rad: float) -> Floats:

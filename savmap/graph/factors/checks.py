@@ -12,7 +12,7 @@ import numpy as np
 
 from savmap.errors import PluginFailedError, format_error
 from savmap.graph.constraints import Constraints, Relation, factors_in
-from savmap.graph.keys import KeySpace, Variable, frame_key, is_frame, value_at, width_of
+from savmap.graph.keys import KeySpace, frame_key, is_frame, value_at, width_of
 from savmap.types import Floats, Trajectory
 
 STEP = 1e-6
@@ -57,7 +57,7 @@ def jacobian_difference(factor: gtsam.NoiseModelFactor, values: gtsam.Values) ->
     """The largest difference of a factor's Jacobians from central differences of its error, as a part of their largest
     entry."""
     _, given = _evaluated(factor, values)
-    numeric = [_derivative(factor, values, key) for key in _keys(factor)]
+    numeric = [_derivative(factor, values, key) for key in list(factor.keys())]
     size = max(float(np.abs(block).max(initial=0.0)) for block in numeric)
     return max(float(np.abs(a - b).max(initial=0.0)) for a, b in zip(given, numeric, strict=True)) / max(size, STEP)
 
@@ -116,7 +116,7 @@ def _factor_flaws(constraints: Constraints, values: gtsam.Values) -> Iterator[st
 
 
 def _require_allowed_keys(factor: gtsam.NonlinearFactor, allowed: set[int]) -> None:
-    keys = set(_keys(factor))
+    keys = {*factor.keys()}
     foreign = sorted(key for key in keys if key not in allowed and not is_frame(key))
     if foreign:
         raise _FactorError(f"binds {gtsam.DefaultKeyFormatter(foreign[0])}, which is not its own: {BOUND_BY}")
@@ -143,7 +143,7 @@ def _evaluated(factor: gtsam.NonlinearFactor, values: gtsam.Values) -> tuple[Flo
         raise _FactorError("gives an error that is not finite at the first values")
     if len(jacobians) != factor.size():
         raise _FactorError(f"gives {len(jacobians)} Jacobians for {factor.size()} variables")
-    for key, jacobian in zip(_keys(factor), jacobians, strict=True):
+    for key, jacobian in zip(list(factor.keys()), jacobians, strict=True):
         _require_jacobian(jacobian, (len(error), width_of(key)), gtsam.DefaultKeyFormatter(key))
     return error, jacobians
 
@@ -161,18 +161,10 @@ def _derivative(factor: gtsam.NoiseModelFactor, values: gtsam.Values, key: int) 
     """Numerical derivative (n, width) of a factor's error by a variable, in GTSAM's tangent."""
     columns = []
     for step in STEP * np.eye(width_of(key)):
-        errors = []
-        for side in (1, -1):
+        errors, value = [], value_at(values, key)
+        for side in (step, -step):
             moved = gtsam.Values(values)
-            moved.update(key, _moved(value_at(values, key), side * step))
+            moved.update(key, value + side if isinstance(value, np.ndarray) else value.retract(side))
             errors.append(np.asarray(factor.unwhitenedError(moved)))
         columns.append((errors[0] - errors[1]) / (2 * STEP))
     return np.stack(columns, axis=1)
-
-
-def _moved(value: gtsam.Pose3 | Variable, step: Floats) -> gtsam.Pose3 | Variable:
-    return value + step if isinstance(value, np.ndarray) else value.retract(step)
-
-
-def _keys(factor: gtsam.NonlinearFactor) -> list[int]:
-    return list(factor.keys())

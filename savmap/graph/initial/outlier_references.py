@@ -85,7 +85,7 @@ def consistent_alternatives(problem: Problem, cameras: Floats, points: Floats) -
 
 
 def _distinct(alternatives: Mapping[str, tuple[Relation, ...]]) -> dict[str, tuple[Relation, ...]]:
-    """Sets of relations that differ; equal ones are one set under both names."""
+    """Sets of relations that differ; equal ones are a set under both names."""
     names_of: dict[tuple[Relation, ...], list[str]] = {}
     for name, relations in alternatives.items():
         names_of.setdefault(relations, []).append(name)
@@ -108,13 +108,11 @@ def is_gross(value: float, otherwise: float) -> bool:
 def _refuted(problem: Problem, cameras: Floats, points: Floats) -> OutlierReference | None:
     """The reference with a `note_if_outlier` that fits worst, grossly and worse than any without, with what the others
     say."""
-    worst: tuple[float, OutlierReference] | None = None
-    for relation, deviation, otherwise in _deviations(problem, cameras, points):
-        if deviation > REFUTED_SIGMA and (worst is None or deviation > worst[0]):
-            worst = deviation, (relation, otherwise)
-    if worst is None or not worst[1][0].note_if_outlier or abs(worst[1][1] - worst[1][0].value) < REFUTED_M:
+    deviations = [*_deviations(problem, cameras, points)]
+    relation, deviation, otherwise = max(deviations, key=lambda tested: tested[1], default=(None, 0.0, 0.0))
+    if relation is None or deviation <= REFUTED_SIGMA or not relation.note_if_outlier:
         return None
-    return worst[1]
+    return None if abs(otherwise - relation.value) < REFUTED_M else (relation, otherwise)
 
 
 def _deviations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[tuple[Relation, float, float]]:

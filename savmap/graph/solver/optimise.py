@@ -22,7 +22,7 @@ from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
-from savmap.graph.problem import Estimate, Problem, frames_bound
+from savmap.graph.problem import Estimate, Problem, frames_of
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
 from savmap.graph.solver.judgement.reference_tests import (
@@ -418,7 +418,7 @@ def without_frames(problem: Problem, frames: Ints) -> Problem:
     kept = ~np.isin(problem.measurements.frames, frames)
     if (
         set(problem.measurements.keys[kept]) != set(problem.measurements.keys)
-        or np.isin(frames, frames_bound(problem)).any()
+        or np.isin(frames, frames_of(problem.parts)).any()
     ):
         return problem
     return replace(problem, measurements=problem.measurements.take(kept))
