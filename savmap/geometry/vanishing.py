@@ -60,7 +60,7 @@ def manhattan_from_segments(rays_a: Floats, rays_b: Floats, start: Floats | None
         rotation = _refined(rotation, normals, lengths, float(sigma))
     close = np.abs(normals @ rotation).min(axis=1) < 3 * FINE_SIGMA
     upright = start if start is not None else facing(rotation, RIG_UP, -RIG_FORWARD)
-    return Manhattan(_relabelled(rotation, upright), float(lengths[close].sum() / lengths.sum()))
+    return Manhattan(facing(rotation, upright[:, 1], upright[:, 2]), float(lengths[close].sum() / lengths.sum()))
 
 
 def facing(axes: Floats, up: Floats, towards: Floats) -> Floats:
@@ -71,11 +71,6 @@ def facing(axes: Floats, up: Floats, towards: Floats) -> Floats:
     level = np.abs(y @ directions) < 0.5
     z = directions[:, level][:, int(np.argmax(towards @ directions[:, level]))]
     return np.column_stack([np.cross(y, z), y, z])
-
-
-def _relabelled(axes: Floats, like: Floats) -> Floats:
-    """The same axes in the order and with the signs of the rotation `like`."""
-    return facing(axes, like[:, 1], like[:, 2])
 
 
 def _searched(normals: Floats, lengths: Floats) -> Floats:

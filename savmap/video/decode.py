@@ -7,7 +7,8 @@ libavutil's `spherical.h` and `stereo3d.h`.
 """
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import av.error
@@ -18,7 +19,6 @@ from av.sidedata.sidedata import SideData, Type
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
 from savmap.errors import VideoError
 from savmap.types import Floats, Planes
@@ -73,7 +73,7 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             if follows and stamp >= start_s - INSTANT_S and _fits(frame, info):
                 report.decoded += 1
                 good.add(stamp)
-                yield stamp, _reader(frame, reformatter)
+                yield stamp, partial(picture_of, frame, reformatter)
         lost = {s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good
         report.skipped = already + repeated + len(lost)
 
@@ -179,10 +179,6 @@ def _hardware(info: VideoInfo) -> HWAccel | None:
     return accelerator((info.codec, info.pixel_format, info.width), decodes) if is_large(info) else None
 
 
-def _reader(frame: VideoFrame, reformatter: VideoReformatter) -> Callable[[], Picture]:
-    return lambda: picture_of(frame, reformatter)
-
-
 def picture_of(frame: VideoFrame, reformatter: VideoReformatter) -> Picture:
     """A frame's planes, without a copy where they lie in the frame's own memory; RGB (H, W, 3) of frames in other
     formats."""
@@ -192,17 +188,10 @@ def picture_of(frame: VideoFrame, reformatter: VideoReformatter) -> Picture:
     full = name == "yuvj420p" or int(frame.color_range) == JPEG_RANGE
     luma, *colour = (np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size) for plane in frame.planes)
     half = frame.height // 2, frame.width // 2
-    blue, red = (
-        _deinterleaved(colour[0][: half[0], : frame.width])
-        if name == "nv12"
-        else (plane[: half[0], : half[1]] for plane in colour)
-    )
+    if name == "nv12":  # blue and red differences alternate along rows, as devices give them
+        colour = [np.ascontiguousarray(colour[0][:, first : frame.width : 2]) for first in (0, 1)]
+    blue, red = (plane[: half[0], : half[1]] for plane in colour)
     return Planes(luma[: frame.height, : frame.width], blue, red, rgb_from_yuv(*weights, full))
-
-
-def _deinterleaved(pairs: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Blue and red differences that alternate along rows, as devices give them."""
-    return np.ascontiguousarray(pairs[:, 0::2]), np.ascontiguousarray(pairs[:, 1::2])
 
 
 def rgb_from_yuv(of_red: float, of_blue: float, full: bool) -> Floats:

@@ -1,8 +1,9 @@
 """Folders of pictures as videos, and single pictures read and written."""
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -101,7 +102,7 @@ def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
     for index, path in enumerate(picture_paths(info.path)):
         stamp = index / info.rate_fps
         if start_s - 1e-6 <= stamp < end_s - 1e-6:
-            yield stamp, _reader(path, info, report)
+            yield stamp, partial(_read, path, info, report)
 
 
 def read_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Picture]]:
@@ -111,13 +112,9 @@ def read_at(info: VideoInfo, stamps_s: list[float]) -> Iterator[tuple[float, Pic
         yield from next(([(stamp, image)] for stamp, read in frames if (image := read()) is not None), [])
 
 
-def _reader(path: Path, info: VideoInfo, report: DecodeReport) -> Callable[[], Image | None]:
-    def read() -> Image | None:
-        image = read_picture(path, (info.width, info.height))
-        if image is None or image.shape != (info.height, info.width, 3):
-            report.skipped += 1
-            return None
-        report.decoded += 1
-        return image
-
-    return read
+def _read(path: Path, info: VideoInfo, report: DecodeReport) -> Image | None:
+    image = read_picture(path, (info.width, info.height))
+    is_good = image is not None and image.shape == (info.height, info.width, 3)
+    report.decoded += is_good
+    report.skipped += not is_good
+    return image if is_good else None

@@ -50,11 +50,6 @@ class _Sighting:
     sigma_px: float
 
 
-def marker_name(dictionary: str, number: int) -> str:
-    """A marker's name in messages and in the map."""
-    return f"{dictionary} {number}"
-
-
 class MarkerTracker:
     """Tracks the wanted markers, given as (dictionary, number), through the panoramas of a row in order.
 
@@ -95,7 +90,7 @@ class MarkerTracker:
     @property
     def marks(self) -> MarkerTracks:
         """The tracks of the markers that were detected."""
-        detected = {marker_name(*label): sightings for label, sightings in self._sightings.items() if sightings}
+        detected = {" ".join(map(str, label)): sightings for label, sightings in self._sightings.items() if sightings}
         views = {
             _view(name, sighting.frame): sighting.spec for name, sightings in detected.items() for sighting in sightings
         }

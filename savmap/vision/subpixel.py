@@ -216,11 +216,8 @@ def _scales(spec: ViewSpec, pieces: Pieces, height: int) -> tuple[Floats, Floats
     here = _panorama_pixels(spec, pieces.u, pieces.v, pieces.stands, height)
     across = _panorama_pixels(spec, pieces.u, pieces.v + 1, pieces.stands, height)
     along = _panorama_pixels(spec, pieces.u + 1, pieces.v + pieces.slope, pieces.stands, height)
-    return _length(_unwrapped(across, here, height) - here), _length(_unwrapped(along, here, height) - here)
-
-
-def _length(vectors: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(vectors, axis=-1))
+    steps = [_unwrapped(moved, here, height) - here for moved in (across, along)]
+    return np.linalg.norm(steps[0], axis=-1), np.linalg.norm(steps[1], axis=-1)
 
 
 def _unwrapped(pixels: Floats, near: Floats, height: int) -> Floats:
@@ -261,12 +258,11 @@ class Subpixel:
       and `flanked_bias_px`: how far too far outside if it is flanked.
     - `piece_px`: least and greatest length of a piece; `end_trim_px`: what is left out at either end.
     - `least_contrast`: changes of less grey levels a panorama pixel are none; `full_contrast`: stronger ones count
-    alike.
+      alike.
     - `least_support`: support that the chosen line must have, of 1, and `clear`: how many times that of any other line.
     - `least_share`, `least_pieces`: share and number of the pieces that must agree with it.
     - `inner`: share of the best line's support that a line further inside needs to be taken for the front's edge, and
-    how
-      far inside it may be, as a share of the object's thickness; `patterned_inner`: of objects with a pattern.
+      how far inside it may be, as a share of the object's thickness; `patterned_inner`: of objects with a pattern.
     - `depth`: how deep objects are, as a multiple of their thickness; flanks that appear wider than `resolved` panorama
       pixels are told from the front; narrow ones blur the edge by `unresolved` of their width.
     - `common_sigma`: what all pieces of an edge may be off together, panorama pixels; `patterned_sigma_px`: the same of

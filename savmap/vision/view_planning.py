@@ -444,7 +444,7 @@ def fit_count(
 
 
 def _enough(pass_preview: PassPreview, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:
-    """Whether enough key frames show enough objects; stops at the frame that decides it."""
+    """Whether enough key frames show enough objects, until a frame decides it."""
     may_fail = int(np.floor((1 - share) * len(pass_preview.keys) + 1e-9))
     for panorama in pass_preview.keys:
         may_fail -= count(pass_preview.renderer.render(panorama, spec)) < at_least

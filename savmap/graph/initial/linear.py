@@ -150,8 +150,8 @@ def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Ite
 def _anchors(problem: Problem, plan: Layout, poses: Floats, factors: Floats) -> Iterator[csc_matrix]:
     """Position and scale, where cameras are sought: the mean place of some is the start's.
 
-    Each camera counts by how firmly its measurements, with their `factors` (n,), hold it, and at most as much as most
-    do. One that few hold would fly off, and the others shrink to a point for it, where all equations are met."""
+    Each counts by how firmly its measurements, with their `factors` (n,), hold it, at most as much as most do: all
+    others shrink to a point for one that flies off."""
     if not plan.cameras:
         return
     anchors = np.unique(np.linspace(0, plan.cameras - 1, ANCHORED).astype(np.int64))

@@ -181,8 +181,8 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
 
 
 def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
-    """The problem without wrong references, where to start with it, and the optimum with soft references, where there
-    are any. Raises SolveError where it is not clear which one is wrong."""
+    """The problem without wrong references, where to start with it, and the optimum with soft references, if there are
+    any. Raises SolveError where it is not clear which is wrong."""
     given, estimate = begin.given, begin.estimate
     roughly = Judgement(begin.problem, notes=begin.refuted_notes), estimate, None
     if not options.judge and not options.judge_far:
@@ -235,8 +235,7 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
 
 
 def _misfit(iterate: Iterate) -> str:
-    """How far pixels are off, where that is what hides the scale: were they measured as well as they say, the
-    references would give it. Empty where the references themselves do not."""
+    """How far pixels are off, where that hides the scale that the references would give; else empty."""
     problem, fit = iterate.problem, iterate.fit
     if not fit.kept.any() or fit.scale < LARGE:
         return ""
@@ -284,8 +283,7 @@ def _by_class(measurements: ImageMeasurements, inflation: Floats) -> dict[str, f
 
 
 def _cost(iterate: Iterate, inflation: Floats) -> float:
-    """Half the sum of squared residuals, in standard deviations, of all references and of all measurements by Huber's
-    loss."""
+    """Half the sum of squared residuals, in sigmas, of all references and, by Huber's loss, of all measurements."""
     measurements = iterate.problem.measurements.inflated(inflation)
     graph = whole_graph(iterate.problem, iterate.estimate, measurements, HUBER)
     return float(graph.error(values_of(iterate.problem, iterate.estimate)))
@@ -298,9 +296,8 @@ def _rounds(
     begun: Iterate | None = None,
     bias: Floats | None = None,
 ) -> Iterator[Iterate]:
-    """The iterates, of which the last is the answer: all measurements at first, then those that fitted, corrected for
-    biases. With what is `begun` with other references, the measurements that fitted there come first. `bias` (k,):
-    where the biases begin."""
+    """The iterates, of which the last is the answer: from all measurements at first, or those that fitted in what is
+    `begun`, then from those that fitted, corrected for biases. `bias` (k,): where the biases begin."""
     huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
     kept: Bools = np.ones(len(problem.measurements), dtype=bool)
     bias = _initial_biases(problem, options) if bias is None else bias
@@ -356,8 +353,7 @@ def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
 
 
 def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
-    """Where the biases (k,) begin: at 0, but for those of the camera's calibration that begin elsewhere, unless a
-    single round leaves all where they are."""
+    """Where the biases (k,) begin: at 0, but for some of the camera's calibration, unless there is a single round."""
     biases, term = np.zeros(len(problem.measurements.biases.prior)), problem.camera.calibration
     if term is not None and term.names and options.rounds > 1:
         biases[-len(term.names) :] = term.initial
@@ -384,8 +380,7 @@ def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
 
 
 def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
-    """Derivatives (2n, k) of whitened errors (n, 2) to the biases, by which pixels move with `slopes` (n, 2, s),
-    weighted as Huber's loss weighs those."""
+    """Derivatives (2n, k) of whitened errors (n, 2), in Huber's loss, to biases: pixels move by `slopes` (n, 2, s)."""
     whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))

@@ -79,8 +79,7 @@ def fit_of(problem: Problem, estimate: Estimate, used: Bools, reject_sigma: floa
 
 
 def _robust(squared: Floats, classes: Ints, used: Bools) -> Floats:
-    """Scale (c,) of each class's errors by the median of those used; by their lower fifth where that says that most are
-    outliers."""
+    """Scale (c,) of each class's used errors by their median; by their lower fifth where most seem outliers."""
     median, lower = (
         np.sqrt(_quantiles(squared, classes, used, share) / usual)
         for share, usual in ((0.5, MEDIAN_CHI2), (LOWER, LOWER_CHI2))
@@ -104,8 +103,7 @@ def _spread(problem: Problem, squared: Floats) -> Floats:
 
 
 def _upper(points: Ints, squared: Floats) -> Floats:
-    """The standard deviation (n,), at least 1, of measurements of the same group (n,), by where the upper fifth of
-    their errors begins."""
+    """The standard deviation (n,), at least 1, of each group of measurements (n,), by where its upper fifth begins."""
     order = np.lexsort((squared, points))
     first, counts = np.unique(points[order], return_index=True, return_counts=True)[1:]
     at = first + np.minimum((UPPER * counts).astype(np.int64), counts - 1)
@@ -140,7 +138,7 @@ def persistence(problem: Problem, fit: Fit) -> Persistence:
 
 
 def _factors(rates: Floats, count: float) -> tuple[float, float]:
-    """The two factors of a class of which a point has usually so many measurements, by the autocorrelations (LAGS,)."""
+    """Both factors of a class, by its autocorrelations (LAGS,) and the usual number of measurements of a point."""
     weights = np.maximum(1 - np.arange(1, LAGS + 1) / max(count, 1.0), 0.0)
     lags = int(np.argmax(np.append(rates, 0.0) < LEAST_RATE))
     total, lost = 2 * float(weights[:lags] @ rates[:lags]), 2 * float(weights[:lags].sum())
@@ -192,8 +190,7 @@ def left_of(problem: Problem, estimate: Estimate, kept: Bools, freedom: Floats) 
 
 
 def _by_poses(problem: Problem, estimate: Estimate, kept: Bools, count: int) -> Floats:
-    """How many of the poses' unknowns, six a frame, each class (c,) determines: the traces of its parts of their
-    information."""
+    """How many of the poses' unknowns, six a frame, each class (c,) determines: its share of the information."""
     at, classes = problem.at_frame[kept], problem.measurements.classes[kept]
     slopes = _slopes(problem, estimate)[kept]
     information = np.zeros((count, len(problem.used), 6, 6))
@@ -245,8 +242,8 @@ def _field_of(problem: Problem, errors: Floats, chosen: Bools) -> DirectionalErr
 
 
 def _terms(problem: Problem, chosen: Bools) -> tuple[Floats, Floats]:
-    """The field's terms (n, t) in the directions of the chosen measurements, and how their whitened errors change (n,
-    2, 2) as these turn eastwards and upwards, a radian."""
+    """The field's terms (n, t) in the directions of the chosen measurements, and how their whitened errors change
+    (n, 2, 2) as these turn eastwards and upwards, a radian."""
     measurements, forms = problem.measurements.take(chosen), problem.linear_forms
     rays = Lenses.of(measurements).rays(measurements.pixels)
     longitude, latitude = np.arctan2(rays[:, 0], rays[:, 2]), np.arcsin(np.clip(-rays[:, 1], -1.0, 1.0))

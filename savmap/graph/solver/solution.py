@@ -261,8 +261,7 @@ def _landmarks(
 
 
 def _offsets(problem: Problem, estimate: Estimate, fit: Fit) -> Floats:
-    """The distance (n,) of each measurement from its landmark, m: that in pixels, taken to the landmark's distance from
-    the camera."""
+    """The distance (n,) of each measurement from its landmark, m: that in pixels, at the landmark's distance."""
     measurements = problem.measurements
     focal = np.array([spec.camera[0, 0] for spec in measurements.views])[measurements.view]
     away = np.linalg.norm(estimate.points[problem.at_key] - estimate.poses[problem.at_frame, :3, 3], axis=1)
