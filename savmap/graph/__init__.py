@@ -38,7 +38,7 @@ from savmap.graph.references import (
     camera_priors,
 )
 from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
-from savmap.graph.solver.solution import HalfDifference, Landmark, RejectedMeasurement, Solution
+from savmap.graph.solver.solution import Landmark, Solution
 
 __all__ = [
     "PUBLISHED",
@@ -48,7 +48,6 @@ __all__ = [
     "CameraHeight",
     "CameraPriors",
     "Constraints",
-    "HalfDifference",
     "ImageMeasurements",
     "KeySpace",
     "KnownLength",
@@ -59,7 +58,6 @@ __all__ = [
     "MeasuredDepth",
     "Problem",
     "References",
-    "RejectedMeasurement",
     "Relation",
     "Shutter",
     "Solution",

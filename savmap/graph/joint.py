@@ -38,7 +38,6 @@ from savmap.graph.solver.levenberg_marquardt import (
 )
 from savmap.graph.solver.optimise import (
     Iterate,
-    SolveOptions,
     bias_unknowns,
     converged,
     solution_of,
@@ -57,7 +56,7 @@ Moments = Sequence[Sequence[Hashable]]
 
 
 def solve_rows(
-    problems: Sequence[Problem], moments: Moments, site_wide: Collection[str] = (), options: SolveOptions | None = None
+    problems: Sequence[Problem], moments: Moments, site_wide: Collection[str] = ()
 ) -> list[Solution | SolveError]:
     """Solutions of rows, joint where they share frames: moments[r][f] identifies the picture that is frame f of row r.
 
@@ -65,7 +64,7 @@ def solve_rows(
     one. A row that cannot be solved alone comes back as its error, and the others are solved without it; rows that
     contradict one another are solved alone, with a note.
     """
-    single: list[Iterate | SolveError] = [_attempt(converged, problem, options) for problem in problems]
+    single: list[Iterate | SolveError] = [_attempt(converged, problem) for problem in problems]
     iterates = {row: result for row, result in enumerate(single) if isinstance(result, Iterate)}
     number: dict[Hashable, int] = {}
     pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in iterates]

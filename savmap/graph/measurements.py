@@ -116,24 +116,20 @@ def image_measurements(
     tracks: Sequence[Track],
     keys: Mapping[str, int],
     views: Mapping[str, ViewSpec],
-    weights: Mapping[str, float] | None = None,
     dof: Mapping[str, Floats] | None = None,
     biases: Biases | None = None,
 ) -> ImageMeasurements:
-    """All pixels of the tracks, each with its full covariance; `weights` (by track) are the paper's w_ij, 1 if not
-    given. `dof` (by track, one each measurement) need only be given where the covariance does not show it; `biases`: in
-    the tracks' order."""
+    """All pixels of the tracks, each with its full covariance (the paper's weights w_ij). `dof` (by track, one each
+    measurement) need only be given where the covariance does not show it; `biases`: in the tracks' order."""
     number = {name: index for index, name in enumerate(views)}
     labels = tuple(dict.fromkeys(track.label for track in tracks))
-    weights, dof = weights or {}, dof or {}
-    covariances = [track.covariances / weights.get(track.name, 1.0) for track in tracks]
-    worth = [dof.get(track.name, usual_dof(track.covariances)) for track in tracks]
+    worth = [(dof or {}).get(track.name, usual_dof(track.covariances)) for track in tracks]
     return ImageMeasurements(
         np.concatenate([np.zeros(0, np.int64), *(track.frames for track in tracks)]),
         np.array([keys[track.name] for track in tracks for _ in track.views], np.int64),
         np.array([number[view] for track in tracks for view in track.views], np.int64),
         np.concatenate([np.zeros((0, 2)), *(track.pixels for track in tracks)]),
-        np.concatenate([np.zeros((0, 2, 2)), *covariances]),
+        np.concatenate([np.zeros((0, 2, 2)), *(track.covariances for track in tracks)]),
         np.concatenate([np.zeros(0), *worth]),
         tuple(views.values()),
         biases or no_biases(sum(len(track.frames) for track in tracks)),

@@ -93,14 +93,12 @@ class References:
 @dataclass(frozen=True, eq=False)
 class CameraPriors:
     """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if
-    poses are taken from an earlier map, `fixed`; `free_rotation` holds only their positions then (the published way for
-    plugins that do not locate the camera). `calibration`: which terms of the camera are unknowns too."""
+    poses are taken from an earlier map, `fixed`. `calibration`: which terms of the camera are unknowns too."""
 
     facts: RowFacts
     start: Trajectory
     references: References
     fixed: Trajectory | None = None
-    free_rotation: bool = False
     calibration: Calibration | None = None
 
 
@@ -109,7 +107,6 @@ def camera_priors(
     start: Trajectory,
     references: References | None = None,
     fixed: Trajectory | None = None,
-    free_rotation: bool = False,
     calibration: Calibration | None = None,
 ) -> CameraPriors:
     """Checked priors. Raises SolveError for a camera height of a pass that is not in the row, or a start that is not
@@ -121,6 +118,4 @@ def camera_priors(
             raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
     if not np.isfinite(start.world_from_rig).all():
         raise SolveError(f"row {facts.name}: the start has frames without a pose")
-    return CameraPriors(
-        facts, start, chosen, fixed, free_rotation, calibration if calibration and calibration.names else None
-    )
+    return CameraPriors(facts, start, chosen, fixed, calibration if calibration and calibration.names else None)

@@ -127,11 +127,11 @@ def _attitude(frame: int, pose: Floats, sigma: float) -> gtsam.NonlinearFactor:
 
 
 def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
-    """Poses of an earlier map; their positions only, if rotations are free."""
+    """Poses of an earlier map."""
     position = gtsam.noiseModel.Isotropic.Sigma(3, HELD_M)
     for frame, pose in zip(problem.used.tolist(), first_poses(problem), strict=True):
         yield gtsam.PoseTranslationPrior3D(frame_key(frame), pose[:3, 3], position)
-        yield _attitude(frame, pose, ATTITUDE_RAD if problem.camera.free_rotation else HELD_RAD)
+        yield _attitude(frame, pose, HELD_RAD)
 
 
 def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:

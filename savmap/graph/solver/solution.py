@@ -160,14 +160,13 @@ def build_solution(
     covariances: Covariances,
     inflation: Mapping[str, float],
     bias: Floats,
-    notes: tuple[str, ...] = (),
-    figures: Mapping[str, float | str] | None = None,
-    excluded: Bools | None = None,
+    notes: tuple[str, ...],
+    figures: Mapping[str, float | str],
+    excluded: Bools,
 ) -> Solution:
     """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are
     `excluded` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    excluded = np.zeros(len(fit.kept), np.bool_) if excluded is None else excluded
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
@@ -194,7 +193,7 @@ def build_solution(
             **{f"directional {name}, deg": off.angle_deg for name, off in directional.items()},
             **{f"directional {name}, share": off.share for name, off in directional.items()},
             **dict(_biases(problem, bias, covariance)),
-            **(figures or {}),
+            **figures,
         },
         keys={part.plugin: part.keys for part in problem.parts},
         covariance=covariance,
