@@ -24,7 +24,6 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from savmap.errors import SolveError
 from savmap.geometry.pinhole import rig_from_view
 from savmap.graph.covariance import Covariance
 from savmap.graph.measurements import Biases, ImageMeasurements, cameras_of
@@ -293,20 +292,12 @@ class Stitching:
     scale_sigma: float = 0.003
     blend_deg: float = 1.0
 
-    def __post_init__(self) -> None:
-        if min(self.turn_sigma_deg, self.scale_sigma, self.blend_deg) <= 0:
-            raise SolveError("calibration of the panorama: sigmas and blend must be greater than 0")
-
 
 @dataclass(frozen=True)
 class VerticalScale:
     """Standard deviation of the share by which the panorama shows elevations too large."""
 
     sigma: float = 0.02
-
-    def __post_init__(self) -> None:
-        if self.sigma <= 0:
-            raise SolveError("calibration of the vertical scale: sigma must be greater than 0")
 
 
 @dataclass(frozen=True)
@@ -317,10 +308,6 @@ class LensDistance:
 
     sigma_m: float = 0.03
 
-    def __post_init__(self) -> None:
-        if self.sigma_m <= 0:
-            raise SolveError("calibration of the lens distance: sigma must be greater than 0 m")
-
 
 @dataclass(frozen=True)
 class Shutter:
@@ -329,10 +316,6 @@ class Shutter:
 
     sigma_s: float = 0.02
     axis: Literal["rows", "columns"] = "rows"
-
-    def __post_init__(self) -> None:
-        if self.sigma_s <= 0:
-            raise SolveError("calibration of the rolling shutter: sigma must be greater than 0 s")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from savmap.errors import SolveError
 from savmap.geometry import pinhole
 from savmap.graph import (
     Calibration,
@@ -325,17 +324,3 @@ def test_velocities_of_a_camera_that_turns_as_it_goes() -> None:
     np.testing.assert_allclose(speeds, np.tile([1.5, 0, 0], (4, 1)), atol=1e-9)
     np.testing.assert_allclose(rates, np.tile([0, 0.3, 0], (4, 1)), atol=1e-9)
     assert not velocities(poses, np.zeros(4))[0].any()
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Stitching(turn_sigma_deg=0.0),
-        lambda: Shutter(sigma_s=-1.0),
-        lambda: VerticalScale(0.0),
-        lambda: LensDistance(0.0),
-    ],
-)
-def test_sigmas_are_positive(make: Callable[[], object]) -> None:
-    with pytest.raises(SolveError, match="greater than 0"):
-        make()
