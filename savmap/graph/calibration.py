@@ -169,19 +169,14 @@ class Lenses:
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """The distortion about n observed pixels (n, 2) for parameters `values` (p,): those of the stitching, where there
-    is a `blend_deg`, the `vertical` scale, the `lens_distance`, and that of the read-out, where it has an `axis`. A
-    measured pixel and those about it belong to one half."""
+    """The distortion about n observed pixels (n, 2) for the values (p,) of a `calibration`. A measured pixel and those
+    about it belong to one half."""
 
     lenses: Lenses
     seen: Floats
     values: Floats
     scene: Scene
-    front_deg: float
-    blend_deg: float | None
-    axis: str | None
-    vertical: bool = False
-    lens_distance: bool = False
+    calibration: "Calibration"
 
     def __call__(self, pixels: Floats) -> tuple[Floats, Floats]:
         """Where pixels (n, 2) would be without it, and how they move (n, 2, p) with each parameter."""
@@ -193,23 +188,23 @@ class Distortion:
             straight = np.asarray(Rotation.from_rotvec(turn).apply(rays))
             true, slopes = self.lenses.projected(straight)
             moves.append(-np.einsum("nij,npj->nip", slopes, np.cross(basis, straight[:, None])))
-        if self.lens_distance:
+        if self.calibration.lens_distance:
             first = basis.shape[1]
             true = true - self._parallax @ self.values[first : first + len(BENDS)]
             moves.append(self._parallax)
-        if self.axis is not None:
-            late = read_out_share(rays, self.front_deg, self.axis)[:, None] * self._velocities(rays)
+        if shutter := self.calibration.shutter:
+            late = read_out_share(rays, self.calibration.front_deg, shutter.axis)[:, None] * self._velocities(rays)
             true = true - self.values[-1] * late
             moves.append(late[:, :, None])
         return true, np.concatenate(moves, axis=2)
 
     def _turns(self, rays: Floats) -> Floats:
         """Small turns (n, t, 3) of rays (n, 3) to their true directions, for each of the parameters that turn them."""
-        parts = [np.zeros((len(rays), 0, 3))]
-        if self.blend_deg is not None:
-            rear = rear_share(self.lenses.rays(self.seen), self.front_deg, self.blend_deg)
-            parts.append(turns(rays, rear, self.front_deg))
-        if self.vertical:
+        parts, front_deg = [np.zeros((len(rays), 0, 3))], self.calibration.front_deg
+        if stitching := self.calibration.stitching:
+            rear = rear_share(self.lenses.rays(self.seen), front_deg, stitching.blend_deg)
+            parts.append(turns(rays, rear, front_deg))
+        if self.calibration.vertical:
             parts.append(lowered(rays)[:, None])
         return np.concatenate(parts, axis=1)
 
@@ -392,10 +387,7 @@ class Calibration:
         should be, which an edge leaves open along itself: its line turns about where it was seen.
         """
         lenses = Lenses.of(measurements)
-        blend = self.stitching.blend_deg if self.stitching else None
-        axis = self.shutter.axis if self.shutter else None
-        vertical, distance = self.vertical is not None, self.lens_distance is not None
-        field = Distortion(lenses, measurements.pixels, values, scene, self.front_deg, blend, axis, vertical, distance)
+        field = Distortion(lenses, measurements.pixels, values, scene, self)
         pixels, here = field(measurements.pixels)
         step = STEP_PX * np.eye(2)
         slopes = np.stack([field(measurements.pixels + shift)[0] - pixels for shift in step], axis=2) / STEP_PX

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal
 
 import made_up_rack as made
 import numpy as np
@@ -292,7 +293,7 @@ def test_without_a_term_nothing_changes(small: made.World) -> None:
 
 
 @pytest.mark.parametrize("axis", ["rows", "columns"])
-def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: str) -> None:
+def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: Literal["rows", "columns"]) -> None:
     view = small.facts.views["face"]
     rng = np.random.default_rng(3)
     pixels = rng.uniform([0, 0], [639, 479], (200, 2))
@@ -301,8 +302,11 @@ def test_moves_are_the_derivatives_of_pixels(small: made.World, axis: str) -> No
     drive = np.array([[0.6, 0.0, 0.8], [0.8, 0.0, -0.6], [0.0, -1.0, 0.0]])
     scene = Scene(points, rng.normal(size=(200, 3)), rng.normal(size=(200, 3)), drive)
 
+    shutter, stitching = Shutter(axis=axis), Stitching(blend_deg=BLEND_DEG)
+    term = Calibration(stitching, shutter, SEAM_AHEAD, VerticalScale(), LensDistance())
+
     def at(values: Floats) -> tuple[Floats, Floats]:
-        return Distortion(lenses, pixels, values, scene, SEAM_AHEAD, BLEND_DEG, axis, True, True)(pixels)
+        return Distortion(lenses, pixels, values, scene, term)(pixels)
 
     values = 1e-3 * np.array([1.0, -1.0, 0.5, 0.2, -0.2, 2.0, 3.0, -2.0, 1.0, 2.0, -1.0, 1.0])
     _, moves = at(values)
