@@ -112,8 +112,10 @@ def _why_unreadable(path: Path, error: Exception) -> str:
 def part_kinds(file: BinaryIO) -> Iterator[bytes]:
     """The kinds of a file's outermost parts, as far as their sizes lead: boxes of MP4 (ISO/IEC 14496-12, 4.2), elements
     of Matroska (RFC 8794, 4 to 6); four bytes at the boxes' place of any other file."""
-    at = 0
-    while len(head := file.read(16)) >= 8:
+    at, end = 0, file.seek(0, os.SEEK_END)
+    while at + 8 <= end:
+        file.seek(at)
+        head = file.read(16)
         if head[:4] in MATROSKA:
             digits = 9 - head[4].bit_length()
             kind, size = head[:4], 4 + digits + (int.from_bytes(head[4 : 4 + digits], "big") & (1 << 7 * digits) - 1)
@@ -123,7 +125,7 @@ def part_kinds(file: BinaryIO) -> Iterator[bytes]:
         yield kind
         if size < 8:
             return
-        at = file.seek(at + size)
+        at += size
 
 
 def probe_file(path: Path) -> VideoInfo:
