@@ -163,15 +163,13 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _in_plane(rays_a: Floats, rays_b: Floats) -> Floats:
-    """Forms (n, 2, 3) that give alpha and beta of directions d = alpha a + beta b in the planes of pairs of rays (n,
-    3)."""
+    """Forms (n, 2, 3) that give alpha and beta of directions d = alpha a + beta b in the planes of rays a, b (n, 3)."""
     cosine = np.sum(rays_a * rays_b, axis=1)[:, None]
     area = np.maximum(1 - cosine**2, 1e-9)
     return np.stack([(rays_a - cosine * rays_b) / area, (rays_b - cosine * rays_a) / area], axis=1)
 
 
 def _sigmas(in_plane: Floats, directions: Floats, ends: Floats) -> Floats:
-    """Standard deviations (n,) of n . d: with d = alpha a + beta b in the edge's plane, the errors of the ends add
-    up."""
+    """Standard deviations (n,) of n . d: with d = alpha a + beta b in the edge's plane, the ends' errors add up."""
     shares = (in_plane @ directions[:, :, None])[:, :, 0] * ends
     return np.maximum(np.hypot(shares[:, 0], shares[:, 1]), 1e-6)

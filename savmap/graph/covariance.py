@@ -140,8 +140,7 @@ def _eliminated(near: SuperLU, cross: csc_matrix, outer: Floats, wanted: Ints) -
 def _information(
     graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, poses: set[int], shared: SharedUnknowns | None
 ) -> tuple[csc_matrix, Floats, dict[int, Ints]]:
-    """Information matrix and right side, and the rows of each key in them: keys are laid out in order, shared ones
-    last."""
+    """Information matrix, right side, and the rows of each key in them, in the keys' order; shared unknowns last."""
     entries = graph.linearize(values).sparseJacobian_()
     rows, cols = entries[:2].astype(np.int64) - 1
     slots: dict[int, Ints] = {}

@@ -154,8 +154,8 @@ def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasur
 
 
 def _of_sure_frames(measurements: ImageMeasurements) -> ImageMeasurements:
-    """Those of frames with as many equations as a pose has unknowns: fewer do not say where the camera was, and a few
-    such frames spoil the whole. A pixel on a line gives one equation, for it may lie anywhere along it."""
+    """Those of frames with as many equations as a pose has unknowns: a few others spoil the whole. A pixel anywhere
+    along a line gives one equation."""
     equations = (np.linalg.eigvalsh(measurements.covariances) < SURE_PX**2).sum(axis=1)
     frames, index = np.unique(measurements.frames, return_inverse=True)
     sure = np.bincount(index, weights=equations, minlength=len(frames)) >= UNKNOWNS
@@ -170,8 +170,7 @@ def first_poses(problem: Problem) -> Floats:
 
 
 def _within(part: Constraints, frames: set[int]) -> Constraints:
-    """A part without factors that bind frames other than those with these keys, and without the variables that only
-    they bind."""
+    """A part without factors that bind other frames than these keys', and the variables that only they bind."""
     factors = [factor for factor in factors_in(part.factors) if _frame_keys(factor) <= frames]
     if part.factors is None or len(factors) == part.factors.size():
         return part
@@ -253,8 +252,7 @@ def _names_of(parts: Sequence[Constraints]) -> list[str]:
 
 
 def _nearest_name(name: str, names: Sequence[str]) -> str:
-    """A hint at the name that was meant: of those that differ by numbers alone the one with the nearest, else the one
-    most alike."""
+    """A hint at the name that was meant: that with the nearest numbers, else the most alike."""
     alike = [other for other in names if NUMBER.split(other) == NUMBER.split(name)]
     if alike:
         wanted = np.array(NUMBER.findall(name), dtype=np.float64)

@@ -134,8 +134,7 @@ def _without(course: Course, first: int, last: int) -> str:
 
 
 def _back(course: Course) -> list[tuple[int, float]]:
-    """Runs of steps against the way of most, or else of the first half: the first step, and how far each goes, negative
-    degrees of what is abeam."""
+    """Runs of steps against the way of most, or of the first half: the first step, and how far, negative degrees."""
     most = course.towards or int(np.sign(course.swept[: len(course.swept) // 2].sum())) or 1
     against = most * course.pace < -max(BACK_PACE * course.usual, LEAST_RATE)
     runs = [(first, float(most * course.swept[first : last + 1].sum())) for first, last in _runs(against, BACK_STEPS)]

@@ -119,8 +119,7 @@ def frames_from(
 
 
 def _within(keys: Floats, key: int) -> float:
-    """A time that leads to a key frame, whether the container searches by the time of decoding or of showing: half way
-    to the next."""
+    """A time that leads to a key frame, whether times of decoding or of showing are searched: half way to the next."""
     following = keys[key + 1] if key + 1 < len(keys) else keys[key] + 1.0
     return float(keys[key] + following) / 2
 
@@ -220,8 +219,7 @@ def _objections(frame: VideoFrame) -> Iterator[str]:
 
 
 def _of_matrix(data: bytes) -> Iterator[str]:
-    """Of a display matrix: nine numbers, row by row, of which the first two of the first two rows turn and mirror
-    (ISO/IEC 14496-12)."""
+    """Of a display matrix (ISO/IEC 14496-12): the first two of three numbers in the first two rows turn and mirror."""
     if len(data) < 36:
         return
     a, b, _, c, d = struct.unpack_from("<5i", data)

@@ -136,8 +136,7 @@ def preview_frames(
 
 
 def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[list[float], list[int]]:
-    """Times of a clip's preview, at key frames of the video where these are near, and the numbers of those that begin a
-    pair."""
+    """Times of a clip's preview, at key frames of the video if near, and the numbers of those that begin a pair."""
     start, end = time_range(clip, info.duration_s)
     last = min(end, info.duration_s)
     times = start + (last - start) * (np.arange(keys) + 0.5) / keys

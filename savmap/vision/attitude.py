@@ -74,8 +74,7 @@ def _edges(features: Sequence[Feature], views: Mapping[str, ViewSpec]) -> Edges:
 
 
 def _sigmas_rad(pixels: Floats, covariance: Floats, ends: Floats, spec: ViewSpec) -> Floats:
-    """Standard deviations (n, 2) of edges' ends across these, as angles; rays `ends` (n, 2, 3) go through pixels (n, 2,
-    2)."""
+    """Standard deviations (n, 2), radians, of edges' ends across these: rays (n, 2, 3) through pixels (n, 2, 2)."""
     along = pixels[:, 1] - pixels[:, 0]
     length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) / length[:, None]

@@ -60,8 +60,7 @@ def hysteresis(probability: Probability, thresholds: Thresholds) -> NDArray[np.b
 
 
 def _local(probability: Probability, thresholds: Thresholds) -> Probability:
-    """The threshold (H, W) at each pixel: half of the largest probability nearby, between the weak threshold and the
-    pixel's."""
+    """The threshold (H, W) at each pixel: half of the largest probability nearby, between the weak and the pixel's."""
     near = cv2.dilate(probability, np.ones((NEAR_PX, NEAR_PX), np.uint8))
     return np.asarray(np.clip(near / 2, thresholds.weak, thresholds.pixel), np.float32)
 

@@ -410,8 +410,7 @@ def _derivative(values: Singles) -> Singles:
 def _chosen(
     changes: Changes, edges: Edges, scale: Floats, numbers: Ints, settings: Subpixel
 ) -> tuple[Floats, Floats, Bools]:
-    """How far inwards (g,) of the mask's edge the best line is, its shift (g,) at the end, and whether it stands
-    out."""
+    """How far inwards (g,) of the mask's edge the best line is, its shift (g,) at the end, whether it stands out."""
     size = BIN / float(np.median(scale))
     half = int(np.ceil((settings.reach_px + SHIFTS[-1]) / size))
     inwards = np.asarray((np.arange(2 * half + 1) - half) * size, np.float64)

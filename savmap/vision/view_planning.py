@@ -85,8 +85,7 @@ def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, ren
 
 
 def _motion(shifts: Floats) -> Floats:
-    """Motion (2,) to the right of the first and the second of four views' shifts (4,) px; 0 where two or more are
-    nan."""
+    """Motion (2,) to the right of the first two of four views, by shifts (4,) px; 0 where two or more are nan."""
     finite = np.isfinite(shifts)
     if finite.sum() < 3:
         return np.zeros(2)
@@ -296,8 +295,7 @@ def manhattan(panoramas: Sequence[Panorama], renderer: Renderer) -> Floats:
 
 
 def _clear_alone(edges: Sequence[tuple[Floats, Floats]], least: float) -> list[Floats]:
-    """The axes (3, 3) of the frames whose segments show them with this support, named alike: of a rig that turns from
-    frame to frame."""
+    """The axes (3, 3), named alike, of frames whose segments show them with this support: of a rig that turns."""
     axes: list[Floats] = []
     for frame in (manhattan_from_segments(*pair) for pair in edges):
         if frame is not None and frame.support >= least:

@@ -194,8 +194,7 @@ class RegionPyramid:
         return part
 
     def _inside(self, region: Region) -> Image | None:
-        """A region cut from the last one, at that one's resolution; None where it reaches beyond it or lies between its
-        pixels."""
+        """A region cut from the last one, at its resolution; None beyond it or between its pixels."""
         last = self._region
         left, top = (region.left - last.left) % self._panorama.shape[1], region.top - last.top
         right, bottom = left + region.width, region.bottom - last.top

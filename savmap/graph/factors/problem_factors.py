@@ -135,8 +135,7 @@ def _held(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
 
 
 def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
-    """Steps stay near those of the estimate: far too weak to matter except where next to nothing was measured in a
-    frame."""
+    """Steps stay near the estimate's: far too weak to matter, but where next to nothing was measured in a frame."""
     for of_pass in problem.passes():
         for before, after in pairwise(of_pass.tolist()):
             step = at.poses[after, :3, 3] - at.poses[before, :3, 3]

@@ -70,8 +70,7 @@ def _normal(points: Floats) -> Floats:
 
 
 def _gap_slopes(points: Floats) -> Floats:
-    """Derivatives (1, 4, 3) of the gap by the corners. It is a least distance, so that only the two points nearest to
-    one another count, each moved by the ends of its diagonal."""
+    """Derivatives (1, 4, 3) of the gap by the corners: of the nearest points, each moved by its diagonal's ends."""
     normal = _normal(points)
     first, second = points[2] - points[0], points[3] - points[1]
     start = points[1] - points[0]

@@ -106,8 +106,7 @@ def is_gross(value: float, otherwise: float) -> bool:
 
 
 def _refuted(problem: Problem, cameras: Floats, points: Floats) -> OutlierReference | None:
-    """The reference with a `note_if_outlier` that fits worst, grossly and worse than any without, with what the others
-    say."""
+    """The worst reference, where it is grossly off and has a `note_if_outlier`, with what the others say."""
     deviations = [*_deviations(problem, cameras, points)]
     relation, deviation, otherwise = max(deviations, key=lambda tested: tested[1], default=(None, 0.0, 0.0))
     if relation is None or deviation <= REFUTED_SIGMA or not relation.note_if_outlier:

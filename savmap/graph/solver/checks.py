@@ -127,9 +127,8 @@ def _lens_distance(iterate: Iterate, given: Calibration) -> LensDistanceError:
 
 
 def _estimated(iterate: Iterate, given: Calibration, term: Calibration, names: Sequence[str]) -> tuple[Floats, Floats]:
-    """The named parameters (k,) of the calibration `term`, and their covariance (k, k). It takes the place of the row's
-    `given` calibration, for which the measurements are corrected already: the parameters of both begin at 0. Raises
-    SolveError."""
+    """The named parameters (k,) of the calibration `term`, and their covariance (k, k). It replaces the `given` one,
+    for which the measurements are corrected already: the parameters of both begin at 0."""
     problem = iterate.problem
     camera = replace(problem.camera, calibration=term)
     measurements = term.with_parameters(given.without_parameters(problem.measurements))

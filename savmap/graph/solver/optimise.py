@@ -252,8 +252,7 @@ def _misfit(iterate: Iterate) -> str:
 
 
 def _likeliest(begins: list[Start], options: SolveOptions) -> Start:
-    """The start that leads to the best fit of pictures and references together. Raises SolveError where that is not
-    clear, unless the problem is partial."""
+    """The start of the best fit of pictures and references. Raises SolveError where it is not clear, if not partial."""
     if len(begins) == 1:
         return begins[0]
     firsts = [next(_rounds(start.problem, start.estimate, options)) for start in begins]

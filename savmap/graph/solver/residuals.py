@@ -152,8 +152,7 @@ def _factors(rates: Floats, count: float) -> tuple[float, float]:
 
 
 def _autocorrelations(problem: Problem, fit: Fit) -> tuple[Floats, Floats]:
-    """By class, the correlation (c, LAGS) of a point's errors in frames 1, 2, ... apart, and the usual number (c,) of
-    measurements of a point."""
+    """By class, the correlation (c, LAGS) of a point's errors over 1, 2, ... frames, and how many (c,) it has."""
     measurements = problem.measurements
     size, errors = len(measurements.class_names), fit.errors / fit.scales[:, None]
     order = np.lexsort((measurements.frames, measurements.view, measurements.keys))

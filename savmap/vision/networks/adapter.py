@@ -186,8 +186,7 @@ def merged(instances: Sequence[Instance], classes: tuple[str, ...], fit: Fit) ->
 
 
 def _sampled(mask: Probabilities, fit: Fit, window: NDArray[np.int64]) -> Probabilities:
-    """A mask (rows, columns) over the network's input, interpolated linearly at the picture's pixels in a window
-    (4,)."""
+    """A mask (rows, columns) over the network's input, interpolated at the picture's pixels in a window (4,)."""
     (across, right), (down, below) = fit.on_grid(mask.shape[1], mask.shape[0])
     columns = np.arange(window[0], window[2]) * across + right
     rows = np.arange(window[1], window[3]) * down + below
