@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from io import TextIOWrapper
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -17,7 +16,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 
 from savmap.cli.speech import say
 from savmap.errors import OutputError, SavmapError, visible
-from savmap.files.atomic import opened_anew, reason, write_text
+from savmap.files.atomic import reason, write_text
 from savmap.files.urls import is_url
 from savmap.types.progress import SilentMonitor
 
@@ -36,12 +35,10 @@ class LogFile(logging.FileHandler):
 
     def __init__(self, path: Path) -> None:
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             super().__init__(path, mode="w", encoding="utf-8")
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
-
-    def _open(self) -> TextIOWrapper:
-        return opened_anew(Path(self.baseFilename))
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 -- logging's own name
         """Nothing: what cannot be logged is lost."""

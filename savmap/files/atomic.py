@@ -1,4 +1,8 @@
-"""Files written whole or not at all; errors of reading and writing as one line."""
+"""Files written whole or not at all, and read; errors of either as one line.
+
+A new file is made in a temporary folder beside the old one, synchronised, and moved into its place (`os.replace`): a
+process that is killed at any moment leaves the old file or the new one.
+"""
 
 import errno
 import hashlib
@@ -6,16 +10,15 @@ import json
 import os
 import tempfile
 from collections.abc import Callable
-from io import TextIOWrapper
 from pathlib import Path
 from urllib.parse import quote
 
 from savmap.errors import OutputError
-from savmap.files.places import PREFIX, new_file, opened_folder, require_plain
 from savmap.files.texts import MOST_MB, bounded_text, json_of
 from savmap.files.urls import is_url, likely
 
-FOLDER_IS_FILE = "what would be its folder is a file"
+PREFIX = ".savmap-"
+"""Of temporary folders: a killed run leaves them, and the next one removes them."""
 
 
 def write_text(path: Path, text: str) -> None:
@@ -24,41 +27,13 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to a new file of the same folder (made where missing), then put it in place of `path`; a link
-    there is replaced.
-
-    A URL's object is written in one request. Raises OutputError where the folder cannot be written or is full; `path`
-    is then unchanged.
-    """
-    if is_url(path):
-        return _put(path, content)
-    require_plain(path)
-    try:
-        with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
-            _write_through(descriptor, content)
-            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
-    except OSError as error:
-        advice = "choose another folder or free its space"
-        raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
+    """Write `content`, whole or not at all, and make the folder where it is missing; a URL's object is written in one
+    request. Raises OutputError where the folder cannot be written or is full; `path` is then unchanged."""
+    write_with(lambda part: part.write_bytes(content), path)
 
 
-def opened_anew(path: Path) -> TextIOWrapper:
-    """A new, empty text file in place of `path`, open for writing: a link is replaced, a device is written to. Raises
-    OSError, and OutputError as `opened_folder` does."""
-    if path.is_char_device() and not path.is_symlink():
-        return path.open("w", encoding="utf-8")
-    with opened_folder(path.parent) as place, new_file(place) as (part, descriptor):
-        stream = open(descriptor, "w", encoding="utf-8")  # noqa: SIM115 -- the caller closes it
-        try:
-            os.replace(part, path.name, src_dir_fd=place, dst_dir_fd=place)
-        except OSError:
-            stream.close()
-            raise
-    return stream
-
-
-def write_with(write: Callable[[Path], None], path: Path) -> None:
-    """Let a function write a file of the same name in a temporary folder beside `path`, then move it into place.
+def write_with(write: Callable[[Path], object], path: Path) -> None:
+    """Let a function write a file of the same name in a temporary folder, then move it into place.
 
     Raises OutputError where nothing can be written there, or where the function wrote nothing.
     """
@@ -66,7 +41,7 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
         with tempfile.TemporaryDirectory() as folder:
             write(Path(folder) / path.name)
             return _put(path, (Path(folder) / path.name).read_bytes())
-    require_plain(path)
+    require_no_device(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=PREFIX) as folder:
@@ -76,9 +51,16 @@ def write_with(write: Callable[[Path], None], path: Path) -> None:
                 os.fsync(stream.fileno())
             os.replace(part, path)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({reason(error)})") from error
+        advice = "choose another folder or free its space"
+        raise OutputError(f"{path}: cannot be written ({reason(error)}); {advice}") from error
     except OutputError as error:
         raise OutputError(str(error).replace(str(part), str(path))) from error
+
+
+def require_no_device(path: Path) -> None:
+    """Raise OutputError for a device or a pipe, which no file may take the place of."""
+    if path.absolute().is_relative_to("/dev") or (path.exists() and not (path.is_file() or path.is_dir())):
+        raise OutputError(f"{path}: is a device or a pipe; name a file")
 
 
 def read_text(path: Path, most_mb: float = MOST_MB) -> str:
@@ -112,31 +94,24 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case; its "file exists", which no file that is put in another's place
-    meets, in words. Of what is not there, with what is called alike."""
-    text = FOLDER_IS_FILE if error.errno == errno.EEXIST else (error.strerror or str(error)).lower()
-    named = (
-        error.filename if isinstance(error, FileNotFoundError) and isinstance(error.filename, str | os.PathLike) else ""
-    )
-    return text + likely(Path(os.fsdecode(named))) if named else text
-
-
-def _put(path: Path, content: bytes) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except Exception as error:
-        raise OutputError(f"{path}: cannot be written ({error})") from error
-
-
-def _write_through(descriptor: int, content: bytes) -> None:
-    with open(descriptor, "wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
+    """The operating system's message, in lower case, and of what is not there what is called alike. "File exists", which
+    only a folder's place gives, in plainer words."""
+    if error.errno == errno.EEXIST:
+        return "what would be its folder is a file"
+    text = (error.strerror or str(error)).lower()
+    missing = isinstance(error, FileNotFoundError) and isinstance(error.filename, str | os.PathLike)
+    return text + likely(Path(os.fsdecode(error.filename))) if missing else text
 
 
 def file_name(row: str) -> str:
     """A row's name as (part of) the name of a file."""
     name = quote(row, safe=" ()+,=@", errors="replace") or "_"
     return name.replace(".", "%2E") if not name.strip(".") else name
+
+
+def _put(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except Exception as error:  # each kind of URL has errors of its own
+        raise OutputError(f"{path}: cannot be written ({error})") from error

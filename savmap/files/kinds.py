@@ -18,13 +18,13 @@ HEAD = 1 << 16
 
 def kind_of(content: object) -> str:
     """What the content of a JSON file is, such as "a survey"; empty where it names no format of savmap's."""
-    return _said(content.get("format")) if isinstance(content, dict) else ""
+    return _described(content.get("format")) if isinstance(content, dict) else ""
 
 
 def kind_of_text(text: str) -> str:
     """The same of the text of a JSON file, of which the beginning will do."""
-    found = FORMAT.search(text, 0, HEAD) if text[:HEAD].lstrip().startswith("{") else None
-    return _said(found[1]) if found else ""
+    match = FORMAT.search(text, 0, HEAD) if text[:HEAD].lstrip().startswith("{") else None
+    return _described(match[1]) if match else ""
 
 
 def kind_of_file(path: Path) -> str:
@@ -38,7 +38,7 @@ def kind_of_file(path: Path) -> str:
         return ""
 
 
-def _said(name: object) -> str:
-    return (
-        KINDS.get(name, f"a file of the format {name}") if isinstance(name, str) and name.startswith("savmap-") else ""
-    )
+def _described(name: object) -> str:
+    if not isinstance(name, str) or not name.startswith("savmap-"):
+        return ""
+    return KINDS.get(name, f"a file of the format {name}")

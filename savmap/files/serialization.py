@@ -18,8 +18,6 @@ import numpy as np
 Record = TypeVar("Record")
 LEVEL = 1
 HEAD = 8
-MOST_BYTES = 1 << 30
-"""Of a record: what is measured in an hour of footage takes a fifth."""
 PACKAGE = "savmap."
 NUMBERS = "biuf"
 PLAIN = {type(None), bool, int, float, str}
@@ -36,24 +34,15 @@ def packed(record: object, level: int = LEVEL) -> bytes:
 def unpacked(content: bytes, kind: type[Record]) -> Record:
     """The record of this kind that the bytes hold. ValueError where they hold something else, or are damaged."""
     try:
-        plain = memoryview(_inflated(content))
-        size = int.from_bytes(plain[:HEAD], "little")
-        tree = json.loads(bytes(plain[HEAD : HEAD + size]))
-        record = _record(tree, plain[HEAD + size :])
+        inflated = memoryview(zlib.decompress(content))
+        size = int.from_bytes(inflated[:HEAD], "little")
+        tree = json.loads(bytes(inflated[HEAD : HEAD + size]))
+        record = _record(tree, inflated[HEAD + size :])
     except (zlib.error, LookupError, TypeError, AttributeError, ValueError, ArithmeticError, RecursionError) as error:
         raise ValueError(f"not a stored {kind.__name__}: {error}") from error
     if not isinstance(record, kind):
         raise ValueError(f"not a stored {kind.__name__} but a {type(record).__name__}")
     return record
-
-
-def _inflated(content: bytes) -> bytes:
-    """The bytes that were compressed, of which there may be so many."""
-    stream = zlib.decompressobj()
-    plain = stream.decompress(content, MOST_BYTES)
-    if not stream.eof:
-        raise ValueError("it is cut off, or too large")
-    return plain
 
 
 def _tree(value: Any, arrays: bytearray) -> Any:

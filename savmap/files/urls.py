@@ -56,22 +56,22 @@ def on_disk(path: Path) -> Path:
 def likely(path: Path) -> str:
     """A hint at what a path that is not there may mean, such as "; there is Aisle.MP4"; empty where nothing is called
     alike."""
-    found = None if is_url(path) else _alike(path, lambda name: normalize("NFC", name).casefold())
-    return f"; there is {found}" if found and found != path else ""
+    near = None if is_url(path) else _alike(path, lambda name: normalize("NFC", name).casefold())
+    return f"; there is {near}" if near and near != path else ""
 
 
 def _alike(path: Path, key: Callable[[str], str]) -> Path | None:
     """What is there under a path, each part of which is the only one in its folder with the same key; None where there
     is nothing."""
-    found = Path(path.anchor)
+    existing = Path(path.anchor)
     for part in path.parts[bool(path.anchor) :]:
         try:
-            if not os.path.lexists(found / part):
-                (part,) = [name for name in os.listdir(found) if key(name) == key(part)]
+            if not os.path.lexists(existing / part):
+                (part,) = [name for name in os.listdir(existing) if key(name) == key(part)]
         except (OSError, ValueError):
             return None
-        found /= part
-    return found
+        existing /= part
+    return existing
 
 
 def is_url(path: Path) -> bool:
@@ -79,6 +79,6 @@ def is_url(path: Path) -> bool:
     return not isinstance(path, Path)
 
 
-def beside(folder: Path, path: Path) -> Path:
+def in_folder(folder: Path, path: Path) -> Path:
     """A relative path taken from a folder, as the disk has it; URLs are unchanged."""
     return path if is_url(path) else on_disk(folder / path)

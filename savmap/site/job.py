@@ -1,5 +1,6 @@
 """What `savmap map` is asked to do, checked before anything heavy begins."""
 
+import tempfile
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -9,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from savmap.errors import OutputError, PluginError, SiteError
-from savmap.files.atomic import reason
-from savmap.files.places import PREFIX, guard, new_file, opened_folder, require_free
+from savmap.files.atomic import PREFIX, reason, require_no_device
 from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
 from savmap.plugin.isolation import isolated
@@ -151,28 +151,47 @@ def _in_metres(height: float) -> str:
 
 
 def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
-    """Make the output folder, which nothing leaves by a link from now on. Raises OutputError when nothing can be
-    written there, or next to nothing, or where one of the `files` could not be written below it."""
+    """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing, or where one of
+    the `files` could not be written below it."""
     if folder.is_file():
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
-    if is_url(folder):
-        _probe_url(folder / f"{PREFIX}{uuid.uuid4().hex[:8]}")
-        return
-    guard(folder)
     try:
-        with opened_folder(folder) as place, new_file(place) as (_, descriptor), open(descriptor, "wb") as probe:
-            probe.write(bytes(LEAST_ROOM))
+        folder.mkdir(parents=True, exist_ok=True)
+        _probe(folder)
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
-    require_free(files, folder)
+    if not is_url(folder):
+        _require_free(files, folder)
 
 
-def _probe_url(probe: Path) -> None:
+def _probe(folder: Path) -> None:
+    """Write a file of `LEAST_ROOM` bytes, and remove it."""
+    if not is_url(folder):
+        with tempfile.TemporaryFile(dir=folder) as stream:
+            stream.write(bytes(LEAST_ROOM))
+        return
+    probe = folder / f"{PREFIX}{uuid.uuid4().hex[:8]}"
     try:
-        probe.parent.mkdir(parents=True, exist_ok=True)
         probe.write_bytes(bytes(LEAST_ROOM))
-    except OSError as error:
-        raise OutputError(f"{probe.parent}: nothing can be written there: {reason(error)}") from None
     finally:
         with suppress(OSError):
             probe.unlink(missing_ok=True)
+
+
+def _require_free(files: Iterable[Path], root: Path) -> None:
+    """Raise OutputError where one of the files could not be written: what stands there, or on the way, is of another
+    kind or may not be written to. Nothing is made."""
+    folders: set[Path] = set()
+    for path in files:
+        if path.is_dir():
+            raise OutputError(f"{path}: is a folder, and a file is to be written there; remove it or choose another -o")
+        require_no_device(path)
+        folders.add(next(above for above in path.parents if above == root or above.exists()))
+    for folder in folders:
+        try:
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError as error:
+            text = "is a file, not a folder" if folder.is_file() else reason(error)
+            raise OutputError(
+                f"{folder}: nothing can be written there: {text}; remove it or choose another -o"
+            ) from None

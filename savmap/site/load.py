@@ -12,7 +12,7 @@ from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
 from savmap.files.texts import bounded_text, is_text
-from savmap.files.urls import beside, likely, on_disk
+from savmap.files.urls import in_folder, likely, on_disk
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
@@ -230,16 +230,16 @@ def _resolve(site: Site, folder: Path) -> Site:
     """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
     def of_pass(one: Pass) -> Pass:
-        return one.model_copy(update={"video": beside(folder, one.video)})
+        return one.model_copy(update={"video": in_folder(folder, one.video)})
 
     def of_row(row: Row) -> Row:
         passes = tuple(map(of_pass, row.passes))
-        video = beside(folder, row.video) if row.video else None
+        video = in_folder(folder, row.video) if row.video else None
         return row.model_copy(update={"passes": passes, "video": video, "plugins": _networks(row.plugins, folder)})
 
     changed: dict[str, Any] = {"rows": {name: of_row(row) for name, row in site.rows.items()}}
     changed["plugins"] = _networks(site.plugins, folder)
-    changed |= {key: beside(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
+    changed |= {key: in_folder(folder, path) for key in ("survey", "video") if (path := getattr(site, key)) is not None}
     return site.model_copy(update=changed)
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from savmap.cli.app import app
 from savmap.errors import ModelError, OutputError, SiteError, VideoError
 from savmap.files.atomic import read_text, write_text
-from savmap.files.urls import beside, is_url, likely, on_disk, where
+from savmap.files.urls import in_folder, is_url, likely, on_disk, where
 from savmap.site.load import load_site
 from savmap.video.reader import probe
 from savmap.vision.networks.segmenter import Segmenter
@@ -78,7 +78,7 @@ def test_a_name_in_another_normal_form_is_found(tmp_path: Path, there: str, give
         pytest.skip("this disk takes them for one")
     assert on_disk(tmp_path / given / given) == tmp_path / there / there
     assert where(str(tmp_path / given / given)) == tmp_path / there / there
-    assert beside(tmp_path, Path(given, given)) == tmp_path / there / there
+    assert in_folder(tmp_path, Path(given, given)) == tmp_path / there / there
     (tmp_path / given).mkdir()
     assert on_disk(tmp_path / given / given) == tmp_path / given / given
 
