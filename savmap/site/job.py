@@ -48,7 +48,7 @@ class Job:
     _opened: dict[tuple[str, str], LoadedPlugin] = field(default_factory=dict, init=False, repr=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (self.token, {own.name: getattr(self, own.name) for own in fields(self) if own.init})
+        return _restored, (self.token, {part.name: getattr(self, part.name) for part in fields(self) if part.init})
 
     @property
     def skips_failed_plugins(self) -> bool:

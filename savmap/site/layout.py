@@ -13,7 +13,7 @@ import numpy as np
 from savmap.errors import SiteError
 from savmap.files.validation import Location
 from savmap.site.model import Site
-from savmap.site.sections import AlignLine, AlignPoint, AlignSection, LayoutSection
+from savmap.site.sections import AlignLine, AlignPoint, AlignSection, LayoutSection, PlaceSection
 from savmap.types import Placement
 
 
@@ -26,10 +26,8 @@ def placements(site: Site) -> dict[str, Placement]:
     for location, text in misplaced(site.layout, with_places(site)):
         raise SiteError(f"{'.'.join(map(str, location))}: {text}")
     regular = _regular(site, site.layout) if site.layout else {}
-    own = {name: row.place for name, row in site.rows.items() if row.place is not None}
-    given = {
-        name: _placement(one.x_m, one.z_m, one.heading_deg, one.sigma_m, one.sigma_deg) for name, one in own.items()
-    }
+    places = {name: row.place for name, row in site.rows.items() if row.place is not None}
+    given = {name: _placement(place.x_m, place.z_m, place.heading_deg, place) for name, place in places.items()}
     return {name: {**regular, **given}[name] for name in site.rows if name in regular or name in given}
 
 
@@ -43,12 +41,12 @@ def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterato
     own."""
     if layout is None:
         return
-    known = f"the site's rows are {', '.join(rows)}"
+    names = f"the site's rows are {', '.join(rows)}"
     named: list[tuple[Location, str]] = [
         *((("layout", "rows", n), name) for n, name in enumerate(layout.rows or ()) if name is not None),
         *((("layout", "lengths_m", name), name) for name in layout.lengths_m),
     ]
-    yield from ((location, f"there is no row `{name}`; {known}") for location, name in named if name not in rows)
+    yield from ((location, f"there is no row `{name}`; {names}") for location, name in named if name not in rows)
     twice = {name for name in layout.rows or () if name is not None and (layout.rows or ()).count(name) > 1}
     yield from ((("layout", "rows"), f"row `{name}` is given twice") for name in sorted(twice))
     for number, name in enumerate(_order(layout, rows)):
@@ -59,17 +57,17 @@ def misplaced(layout: LayoutSection | None, rows: Mapping[str, bool]) -> Iterato
 
 def misaligned(align: AlignSection | None, rows: Iterable[str]) -> Iterator[tuple[Location, str]]:
     """What in `align` does not fit the rows: the key, and what is wrong with it."""
-    known = list(rows)
+    names = list(rows)
     parts: Sequence[tuple[str, Sequence[AlignPoint | AlignLine]]] = ()
     if align is not None:
         parts = (("points", align.points), ("lines", align.lines))
     for kind, entries in parts:
         for number, entry in enumerate(entries):
             location = ("align", kind, number)
-            if entry.row is None and len(known) > 1:
-                yield location, f"say which `row` it is in; the site's rows are {', '.join(known)}"
-            elif entry.row is not None and entry.row not in known:
-                yield (*location, "row"), f"there is no row `{entry.row}`; the site's rows are {', '.join(known)}"
+            if entry.row is None and len(names) > 1:
+                yield location, f"say which `row` it is in; the site's rows are {', '.join(names)}"
+            elif entry.row is not None and entry.row not in names:
+                yield (*location, "row"), f"there is no row `{entry.row}`; the site's rows are {', '.join(names)}"
 
 
 def _order(layout: LayoutSection, rows: Iterable[str]) -> tuple[str, ...]:
@@ -86,20 +84,20 @@ def _length(layout: LayoutSection, name: str) -> float | None:
 
 
 def _regular(site: Site, layout: LayoutSection) -> dict[str, Placement]:
-    corner = _placement(layout.x_m, layout.z_m, layout.heading_deg, layout.sigma_m, layout.sigma_deg)
-    found: dict[str, Placement] = {}
+    site_from_layout = _placement(layout.x_m, layout.z_m, layout.heading_deg, layout).site_from_row
+    placements: dict[str, Placement] = {}
     depth = 0.0
     for number, name in enumerate(_order(layout, site.rows)):
         back = _looks_back(layout, number)
         if name and site.rows[name].place is None:
             x_m = (_length(layout, name) or 0.0) if back else 0.0
-            at = corner.site_from_row @ np.array([x_m, 0.0, depth, 1.0])
-            heading = layout.heading_deg + (180.0 if back else 0.0)
-            found[name] = _placement(float(at[0]), float(at[2]), heading, layout.sigma_m, layout.sigma_deg)
+            origin = site_from_layout @ np.array([x_m, 0.0, depth, 1.0])
+            heading_deg = layout.heading_deg + (180.0 if back else 0.0)
+            placements[name] = _placement(float(origin[0]), float(origin[2]), heading_deg, layout)
         depth += layout.rack_m if back else layout.aisle_m
-    return found
+    return placements
 
 
-def _placement(x_m: float, z_m: float, heading_deg: float, sigma_m: float, sigma_deg: float) -> Placement:
-    covariance = np.diag(np.square([sigma_m, sigma_m, sigma_deg]))
+def _placement(x_m: float, z_m: float, heading_deg: float, sigmas: PlaceSection | LayoutSection) -> Placement:
+    covariance = np.diag(np.square([sigmas.sigma_m, sigmas.sigma_m, sigmas.sigma_deg]))
     return Placement(x_m, z_m, 180 - (180 - heading_deg) % 360, covariance)

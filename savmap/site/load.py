@@ -87,9 +87,9 @@ class KnownAlignment:
 
     def line(self, location: Location, text: str) -> str:
         """A line about a key of the section: its place, the key, and what is wrong."""
-        whole = (*self.at, *location)
-        key = path_of(whole)
-        return f"{self.places.of(whole)}: `{key}`: {text}" if key else f"{self.places.of(whole)}: {text}"
+        in_file = (*self.at, *location)
+        key = path_of(in_file)
+        return f"{self.places.of(in_file)}: `{key}`: {text}" if key else f"{self.places.of(in_file)}: {text}"
 
 
 def load_alignment(path: Path) -> KnownAlignment:
@@ -229,8 +229,8 @@ def _may_be_anything(path: Path, what: str) -> bool:
 def _resolve(site: Site, folder: Path) -> Site:
     """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
-    def of_pass(one: Pass) -> Pass:
-        return one.model_copy(update={"video": in_folder(folder, one.video)})
+    def of_pass(row_pass: Pass) -> Pass:
+        return row_pass.model_copy(update={"video": in_folder(folder, row_pass.video)})
 
     def of_row(row: Row) -> Row:
         passes = tuple(map(of_pass, row.passes))
@@ -248,7 +248,7 @@ def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[st
     return {
         name: {
             key: str(on_disk(folder / value)) if key == "model" and isinstance(value, str) else value
-            for key, value in own.items()
+            for key, value in settings.items()
         }
-        for name, own in plugins.items()
+        for name, settings in plugins.items()
     }

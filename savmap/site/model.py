@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from savmap.files.atomic import file_name
 from savmap.files.texts import fault_of_path
 from savmap.files.validation import SHORT
-from savmap.site.inheritance import completed, side_from_direction, without_video
+from savmap.site.locations import INHERITED
 from savmap.site.sections import (
     AlignSection,
     CalibrationSection,
@@ -27,11 +27,44 @@ Footage = tuple[Path, float, float | None, float]
 Side = Literal["left", "right"]
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
+Section = TypeVar("Section", bound=Strict)
 MOST_NAME = 100
 """Letters of a row's name, which becomes part of files' names."""
 MOST_CONFIRMED = 200
 MIN_FRAMES = 3
 """Fewer frames of a pass cannot be mapped from."""
+DIRECTIONS = {"left": "+x", "right": "-x"}
+
+
+def _completed(content: object) -> object:
+    """A site's content with its passes' video, rate and views filled in from their row or the site. What is not as it
+    should be is left as it is, for the checks that follow."""
+    if not isinstance(content, Mapping) or not isinstance(content.get("rows"), Mapping):
+        return content
+    return {**content, "rows": {name: _completed_row(row, content) for name, row in content["rows"].items()}}
+
+
+def _completed_row(row: object, site: Mapping[Any, Any]) -> object:
+    if not isinstance(row, Mapping) or not isinstance(row.get("passes"), list | tuple):
+        return row
+    return {**row, "passes": [_completed_pass(section, row, site) for section in row["passes"]]}
+
+
+def _completed_pass(section: object, row: Mapping[Any, Any], site: Mapping[Any, Any]) -> object:
+    if not isinstance(section, Mapping):
+        return section
+    levels = (site, row, section)
+    inherited = {key: level[key] for level in levels for key in INHERITED if level.get(key) is not None}
+    views = [level["views"] for level in levels if isinstance(level.get("views"), Mapping)]
+    named = {name: view for level in views for name, view in level.items()}
+    return {**section, **inherited, **({"views": named} if named else {})}
+
+
+def _without_video(schema: dict[str, Any]) -> None:
+    """A pass's JSON Schema for files, in which the video may stand with the row or the site."""
+    schema["required"] = [key for key in schema.get("required", []) if key != "video"]
+    if not schema["required"]:
+        del schema["required"]
 
 
 def _quoted(value: object) -> object:
@@ -46,7 +79,7 @@ DoubtText = Annotated[str, Field(min_length=1, max_length=1000), BeforeValidator
 class Pass(Strict):
     """One drive past a row's face: a video (or a folder of pictures), a time range, and the hand the face is on."""
 
-    model_config = ConfigDict(json_schema_extra=without_video)
+    model_config = ConfigDict(json_schema_extra=_without_video)
 
     video: Where
     """A panoramic video or a folder of pictures: a path, from the site file's folder, or a URL. Default: the row's, or
@@ -69,7 +102,19 @@ class Pass(Strict):
     @model_validator(mode="before")
     @classmethod
     def _side(cls, value: object) -> object:
-        return side_from_direction(value)
+        """With the side, where only the direction is given."""
+        if not isinstance(value, Mapping) or value.get("direction") not in DIRECTIONS.values():
+            return value
+        direction = value["direction"]
+        side = next(side for side in DIRECTIONS if DIRECTIONS[side] == direction)
+        if value.get("side") is None:
+            return {**value, "side": side}
+        if value["side"] in DIRECTIONS and value["side"] != side:
+            raise ValueError(
+                f"a face on the {value['side']} is passed towards {DIRECTIONS[value['side']]}, not {direction}; "
+                "correct `side` or `direction`"
+            )
+        return value
 
     @property
     def rate(self) -> float:
@@ -169,7 +214,7 @@ class Site(Strict):
     @model_validator(mode="before")
     @classmethod
     def _defaults(cls, value: object) -> object:
-        return completed(value)
+        return _completed(value)
 
     @field_validator("plugins", mode="before")
     @classmethod
@@ -188,30 +233,33 @@ class Site(Strict):
         """Names of the rows in groups: each shares a pass with another one of its group, unless `joint` is false."""
         groups = list[list[str]]()
         for name, row in self.rows.items():
-            own = {one.footage for one in row.passes} if self.joint else set()
-            near = [group for group in groups if any(own & {p.footage for p in self.rows[n].passes} for n in group)]
+            shared = {row_pass.footage for row_pass in row.passes} if self.joint else set()
+            near = [group for group in groups if any(shared & {p.footage for p in self.rows[n].passes} for n in group)]
             groups = [group for group in groups if group not in near]
             groups.append([*(other for group in near for other in group), name])
         return groups
 
     def row_references(self, name: str) -> ReferenceSection:
         """The site's references with the row's own laid over them."""
-        own = self.rows[name].references
-        return self.references.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+        return _laid_over(self.references, self.rows[name].references)
 
     def row_calibration(self, name: str) -> CalibrationSection:
         """The site's calibration with the row's own laid over it."""
-        own = self.rows[name].calibration or CalibrationSection()
-        return self.calibration.model_copy(update={key: getattr(own, key) for key in own.model_fields_set})
+        return _laid_over(self.calibration, self.rows[name].calibration or CalibrationSection())
 
     def row_appearance(self, name: str) -> bool:
         """Whether points of any kind help with the camera's motion along a row."""
-        own = self.rows[name].appearance
-        return self.appearance if own is None else own
+        appearance = self.rows[name].appearance
+        return self.appearance if appearance is None else appearance
 
     def plugin_config(self, name: str, plugin: str) -> dict[str, Any]:
         """A plugin's settings for one row: the site's, overlaid by the row's."""
         return {**self.plugins.get(plugin, {}), **self.rows[name].plugins.get(plugin, {})}
+
+
+def _laid_over(section: Section, row_section: Section) -> Section:
+    """The site's section with the keys that the row's gives."""
+    return section.model_copy(update={key: getattr(row_section, key) for key in row_section.model_fields_set})
 
 
 def pass_names(passes: Sequence[Pass]) -> list[str]:

@@ -42,15 +42,15 @@ def overrides_of(options: Iterable[str], environment: Mapping[str, str]) -> tupl
 def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[dict[str, Any], dict[Location, str]]:
     """A site's content with overrides applied, and which of its keys they set, with the places where they were said.
 
-    Keys that are there are found whatever their case, where only one fits. Raises SiteError naming the override for a
+    Keys that are there are matched whatever their case, where only one fits. Raises SiteError naming the override for a
     row, or an entry of a list, that is not there.
     """
     changed: dict[str, Any] = copy.deepcopy(dict(content))
     places: dict[Location, str] = {}
-    for one in overrides:
-        location = _set(changed, one)
+    for override in overrides:
+        location = _set(changed, override)
         places.pop(location, None)
-        places[location] = one.place
+        places[location] = override.place
     return changed, places
 
 
@@ -66,11 +66,10 @@ def _from_option(option: str) -> Override:
     path, equals, text = option.partition("=")
     path = path.strip()
     _require_short(f"--set {path}")
-    found = list(KEYS.finditer(path))
-    if not equals or not found or "".join(one.group() for one in found) != path:
+    keys = list(KEYS.finditer(path))
+    if not equals or not keys or "".join(match.group() for match in keys) != path:
         raise SiteError(f"--set {option}: give a key and its value, such as rows.A.fps=5")
-    place = f"--set {path}"
-    return Override(place, tuple(next(filter(None, one.groups())) for one in found), _value(text))
+    return Override(f"--set {path}", tuple(next(filter(None, match.groups())) for match in keys), _value(text))
 
 
 def _require_short(place: str) -> None:
@@ -87,49 +86,36 @@ def _value(text: str) -> Any:
         return text
 
 
-def _set(content: dict[str, Any], one: Override) -> Location:
+def _set(content: dict[str, Any], override: Override) -> Location:
     """Set one value in `content`, or take its key away where it is null; the location of the key."""
     location: Location = ()
-    inside: Any = content
-    for key in one.keys[:-1]:
-        own = _key(inside, key, location, one)
-        location = _within(location, inside, own)
-        if isinstance(inside, MutableMapping) and inside.get(own) is None:
-            inside[own] = {}
-        inside = inside[own]
-    last = _key(inside, one.keys[-1], location, one)
-    if one.value is None and isinstance(inside, MutableMapping):
-        inside.pop(last, None)
+    section: Any = content
+    for key in override.keys[:-1]:
+        name = _key(section, key, location, override)
+        location = (*location, name)
+        if isinstance(section, MutableMapping) and section.get(name) is None:
+            section[name] = {}
+        section = section[name]
+    last = _key(section, override.keys[-1], location, override)
+    if override.value is None and isinstance(section, MutableMapping):
+        section.pop(last, None)
     else:
-        inside[last] = one.value
-    return _within(location, inside, last)
+        section[last] = override.value
+    return *location, last
 
 
-def _within(location: Location, inside: Any, own: Any) -> Location:
-    return *location, own if isinstance(inside, list) else str(own)
-
-
-def _key(inside: Any, key: str, location: Location, one: Override) -> Any:
+def _key(section: Any, key: str, location: Location, override: Override) -> Any:
     """The key of a section, or number in a list, that an override means."""
-    if isinstance(inside, list):
-        return _number(inside, key, location, one)
-    if not isinstance(inside, MutableMapping):
-        raise SiteError(f"{one.place}: {_text(location)} is a value, {inside!r}, and has no keys")
-    names = {own: str(own) for own in inside}
-    exact = [own for own, name in names.items() if name == key]
-    near = exact or [own for own, name in names.items() if name.lower() == key.lower()]
+    where = f"{override.place}: `{'.'.join(map(str, location))}`"
+    if isinstance(section, list):
+        if not key.isdigit() or int(key) >= len(section):
+            raise SiteError(f"{where} is a list; its entries are 0 to {len(section) - 1}, not {key}")
+        return int(key)
+    if not isinstance(section, MutableMapping):
+        raise SiteError(f"{where} is a value, {section!r}, and has no keys")
+    near = [name for name in section if name == key] or [name for name in section if name.lower() == key.lower()]
     if len(near) > 1:
-        raise SiteError(f"{one.place}: {key} may be {' or '.join(map(str, near))}; use --set")
+        raise SiteError(f"{override.place}: {key} may be {' or '.join(near)}; use --set")
     if not near and location == ("rows",):
-        raise SiteError(f"{one.place}: there is no row `{key}`; rows are {', '.join(names.values())}")
+        raise SiteError(f"{override.place}: there is no row `{key}`; rows are {', '.join(section)}")
     return near[0] if near else key
-
-
-def _number(inside: list[Any], key: str, location: Location, one: Override) -> int:
-    if not key.isdigit() or int(key) >= len(inside):
-        raise SiteError(f"{one.place}: {_text(location)} is a list; its entries are 0 to {len(inside) - 1}, not {key}")
-    return int(key)
-
-
-def _text(location: Location) -> str:
-    return f"`{'.'.join(map(str, location))}`"

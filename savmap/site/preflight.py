@@ -36,12 +36,12 @@ from savmap.vision.markers import MarkerTracker
 
 def settings_problems(site: Site, plugins: Sequence[str], places: SourceMap) -> Iterator[SavmapError]:
     """What is wrong with the plugins that are named, and with their settings for all rows and for each; each once."""
-    told = set[str]()
-    for name in dict.fromkeys(plugins):
-        for problem in _of_plugin(site, name, places):
-            if str(problem) not in told:
-                told.add(str(problem))
-                yield problem
+    yield from _once(problem for name in dict.fromkeys(plugins) for problem in _of_plugin(site, name, places))
+
+
+def _once(problems: Iterable[SavmapError]) -> Iterator[SavmapError]:
+    """The problems, of those that say the same only one."""
+    yield from {str(problem): problem for problem in problems}.values()
 
 
 def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError]:
@@ -64,16 +64,16 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
 
 def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
     """Where in the site file a plugin's setting was given: with the row or for all of them."""
-    own = site.rows[row].plugins.get(plugin, {})
-    return (*(("rows", row) if location and location[0] in own else ()), "plugins", plugin, *location)
+    of_row = location[:1] and location[0] in site.rows[row].plugins.get(plugin, {})
+    return (*(("rows", row) if of_row else ()), "plugins", plugin, *location)
 
 
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
     """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do
     so."""
-    known = site.row_references(row)
+    given = site.row_references(row)
     settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
-    return settings or bool(known.camera_height_m or known.lengths or known.markers or len(known.points) > 1)
+    return settings or bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)
 
 
 def _scale_settings(config: Mapping[str, Any], plugin: str) -> bool:
@@ -128,50 +128,48 @@ def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
                 yield f"network of {plugin.name}: {network}"
                 yield from [network.note] if network.note else []
             except ModelError as error:
-                own = "model" in job.site.rows[row].plugins.get(plugin.name, {})
-                at = ("plugins", plugin.name, "model")
-                yield with_location(error, job.places, ("rows", row, *at) if own else at)
+                yield with_location(error, job.places, _given(job.site, row, plugin.name, ("model",)))
 
 
 def references(job: Job) -> Iterator[SavmapError]:
     """References to what no plugin can find, markers that cannot be printed, and rows whose scale nothing could fix."""
-    told = set[str]()
+    sections = {row: job.site.row_references(row) for row in job.site.rows}
+    yield from _once(
+        problem
+        for row, given in sections.items()
+        for problem in (*_misnamed(job, row, given), *_unprintable(job, row, given))
+    )
     for row in job.site.rows:
-        known = job.site.row_references(row)
-        for problem in (*_misnamed(job, row, known), *_unprintable(job, row, known)):
-            if str(problem) not in told:
-                told.add(str(problem))
-                yield problem
         if job.earlier is None and not tells_scale(job.site, row, job.plugins):
             text = (
-                "the map's scale is not known; give the camera's height (--camera-height with a video), a length or a marker "
-                "(see docs/site-file.md)"
+                f"row {row}: the map's scale is not known; give the camera's height (--camera-height with a video), "
+                "a length or a marker (see docs/site-file.md)"
             )
-            yield with_location(SolveError(f"row {row}: {text}"), job.places, ("rows", row))
+            yield with_location(SolveError(text), job.places, ("rows", row))
 
 
-def _unprintable(job: Job, row: str, known: ReferenceSection) -> Iterator[SavmapError]:
-    for number, marker in enumerate(known.markers):
+def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:
+    for number, marker in enumerate(section.markers):
         try:
             MarkerTracker([(marker.dictionary, marker.id)])
         except SiteError as error:
             yield with_location(error, job.places, _of_reference(job, row, ("markers", number)))
 
 
-def _misnamed(job: Job, row: str, known: ReferenceSection) -> Iterator[SavmapError]:
+def _misnamed(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:
     """References to what no plugin can find; nothing where a plugin does not say what it calls things, or an earlier
     map has names too."""
     declared = [getattr(load_class(name), "reference_names", None) for name in dict.fromkeys(job.plugins)]
     if job.earlier is not None or None in declared:
         return
-    for location, text in misnamed(known, [name for names in declared for name in names or ()]):
+    for location, text in misnamed(section, [name for names in declared for name in names or ()]):
         yield with_location(SiteError(text), job.places, _of_reference(job, row, location))
 
 
 def _of_reference(job: Job, row: str, location: Location) -> Location:
     """Where in the site file a reference was given: with the row, or for all of them."""
-    own = location[0] in job.site.rows[row].references.model_fields_set
-    return (*(("rows", row) if own else ()), "references", *location)
+    of_row = location[0] in job.site.rows[row].references.model_fields_set
+    return (*(("rows", row) if of_row else ()), "references", *location)
 
 
 def survey(job: Job) -> Iterator[SavmapError | str]:
@@ -179,19 +177,19 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
     if job.site.survey is None:
         return
     try:
-        known = read_survey(job.site.survey).rows
+        surveyed = read_survey(job.site.survey).rows
     except OutputError as error:
         yield with_location(error, job.places, ("survey",))
         return
-    common = [row for row in job.site.rows if row in known]
+    common = [row for row in job.site.rows if row in surveyed]
     if not common:
-        text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(known)}"
+        text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(surveyed)}"
         yield with_location(SiteError(text), job.places, ("survey",))
     for row in common:
-        yield from _surveyed(job, row, known[row])
+        yield from _surveyed(job, row, surveyed[row])
     for who, rows in (
-        ("tells nothing of", job.site.rows.keys() - known),
-        ("also tells of", known.keys() - job.site.rows),
+        ("tells nothing of", job.site.rows.keys() - surveyed),
+        ("also tells of", surveyed.keys() - job.site.rows),
     ):
         if rows and common:
             yield f"{job.site.survey}: {who} row {', '.join(sorted(rows))}"

@@ -29,27 +29,34 @@ def references_of(section: ReferenceSection) -> References:
     height = section.camera_height_m
     return References(
         camera_heights=(CameraHeight(height.value, height.sigma),) if height else (),
-        lengths=tuple(KnownLength(*one.in_order, one.value, one.sigma, one.axis) for one in section.lengths),
-        points=tuple(SurveyedPoint(one.vertex, _position(one.axis, one.value), one.sigma) for one in section.points),
-        markers=tuple(KnownMarker(one.dictionary, one.id, one.size_m, one.sigma_m) for one in section.markers),
+        lengths=tuple(KnownLength(*given.in_order, given.value, given.sigma, given.axis) for given in section.lengths),
+        points=tuple(
+            SurveyedPoint(given.vertex, _position(given.axis, given.value), given.sigma) for given in section.points
+        ),
+        markers=tuple(
+            KnownMarker(given.dictionary, given.id, given.size_m, given.sigma_m) for given in section.markers
+        ),
         on_contradiction=section.on_contradiction,
     )
 
 
-def misnamed(section: ReferenceSection, known: Sequence[str]) -> Iterator[tuple[Location, str]]:
-    """Names in references that no plugin can have: the key within the section, and what is wrong with it. known: all
-    names there are, with "#" for each number; those of markers need not be among them."""
+def misnamed(section: ReferenceSection, patterns: Sequence[str]) -> Iterator[tuple[Location, str]]:
+    """Names in references that no plugin can have: the key within the section, and what is wrong with it. patterns: all
+    names that plugins give, with "#" for each number; those of markers need not be among them."""
     named: list[tuple[Location, str]] = [
         (("lengths", n, "between", end), name)
-        for n, one in enumerate(section.lengths)
-        for end, name in enumerate(one.between)
+        for n, length in enumerate(section.lengths)
+        for end, name in enumerate(length.between)
     ]
-    named += [(("points", n, "vertex"), one.vertex) for n, one in enumerate(section.points)]
+    named += [(("points", n, "vertex"), point.vertex) for n, point in enumerate(section.points)]
     for location, name in named:
-        if NUMBER.sub("#", name) not in known and not name.startswith(OF_MARKERS):
-            near = get_close_matches(NUMBER.sub("#", name), known, 1)
+        pattern = NUMBER.sub("#", name)
+        if pattern not in patterns and not name.startswith(OF_MARKERS):
+            near = get_close_matches(pattern, patterns, 1)
             hint = (
-                f"did you mean `{_numbered(near[0], name)}`?" if near else f"known are {', '.join(known)} (#: a number)"
+                f"did you mean `{_numbered(near[0], name)}`?"
+                if near
+                else f"known are {', '.join(patterns)} (#: a number)"
             )
             yield location, f"nothing is called `{name}`: {hint}"
 
@@ -76,5 +83,5 @@ def _numbered(pattern: str, name: str) -> str:
 
 
 def _position(axis: str, value: float) -> tuple[float | None, float | None, float | None]:
-    x, y, z = (value if axis == own else None for own in "xyz")
+    x, y, z = (value if axis == letter else None for letter in "xyz")
     return x, y, z

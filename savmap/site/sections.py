@@ -83,7 +83,9 @@ class Strict(BaseModel):
             return value
         fields = fields_of(cls)
         return {
-            key: own for key, own in value.items() if own is not None or key not in fields or may_be_none(fields[key])
+            key: given
+            for key, given in value.items()
+            if given is not None or key not in fields or may_be_none(fields[key])
         }
 
     @field_validator("*", mode="before")
@@ -95,7 +97,7 @@ class Strict(BaseModel):
         return value
 
 
-class Known(Strict):
+class GivenNumber(Strict):
     """A number the user knows, with its standard deviation, both in metres."""
 
     value: Metres
@@ -132,7 +134,7 @@ def _rank(name: str, axis: str) -> tuple[str, tuple[int, int]]:
     return parts[0], (numbers[1] if len(numbers) > 1 else 0, side)
 
 
-class Length(Known):
+class Length(GivenNumber):
     """A measured distance along one axis between two labelled edges of the map, such as "upright 1 / left"."""
 
     between: tuple[str, str]
@@ -175,8 +177,8 @@ DICTIONARY = r"^(tag(16h5|25h9|36h10|36h11)|(4x4|5x5|6x6|7x7)_(50|100|250|1000))
 
 def _dictionary(name: str) -> str:
     if not re.fullmatch(DICTIONARY, name):
-        known = "tag16h5, tag25h9, tag36h10, tag36h11, or 4x4_50 to 7x7_1000"
-        raise ValueError(f"{known} is expected (it is {SHORT.repr(name)})")
+        names = "tag16h5, tag25h9, tag36h10, tag36h11, or 4x4_50 to 7x7_1000"
+        raise ValueError(f"{names} is expected (it is {SHORT.repr(name)})")
     return name
 
 
@@ -217,7 +219,7 @@ class ReferenceSection(Strict):
     @field_validator("markers")
     @classmethod
     def _each_once(cls, value: tuple[Marker, ...]) -> tuple[Marker, ...]:
-        if len({(one.dictionary, one.id) for one in value}) < len(value):
+        if len({(marker.dictionary, marker.id) for marker in value}) < len(value):
             raise ValueError("a marker is given twice")
         return value
 

@@ -93,7 +93,7 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path
 def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
     """A commented site file for videos, in a folder; with a made-up video where there are none. It is valid as it
     stands."""
-    rows = [_row(name, one, folder) for name, one in zip(_names(len(videos)), videos, strict=True)]
+    rows = [_row(name, info, folder) for name, info in zip(_names(len(videos)), videos, strict=True)]
     made_up = f"  A:\n    passes:\n      - video: aisle.mp4\n{OF_PASS}{OF_ROW}"
     return HEAD + _plugins() + REFERENCES + ("\n".join(rows) or made_up)
 
@@ -136,7 +136,7 @@ def _value(default: object) -> str:
 def _keys(annotation: Any) -> list[str]:
     """Keys of a setting that is a section."""
     options = (annotation, *getattr(annotation, "__args__", ()))
-    return [key for one in options for key in getattr(one, "model_fields", {})]
+    return [key for option in options for key in getattr(option, "model_fields", {})]
 
 
 def _is_ours(schema: Path) -> bool:
