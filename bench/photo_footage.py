@@ -21,7 +21,7 @@ import yaml
 from photo_faces import PhotoRow, Picture
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
-from savmap.lab.scenes import Look, Material, RowSize, SceneParts, span
+from savmap.lab.scenes import Exposure, Material, RowSize, SceneParts, span
 from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.render.panorama import linear_bands
 from savmap.lab.sim.render.shade import Renderer, compressed, developed, metered, renderer
@@ -112,7 +112,7 @@ def scene_of(row: PhotoRow, name: str, size: Size) -> Scene:
 class _Task:
     scene: Renderer
     path: Drive
-    look: Look
+    look: Exposure
     size: tuple[float, float]
 
     def frame(self, index: int) -> dict[str, Picture]:

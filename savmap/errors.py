@@ -13,7 +13,7 @@ direction, and halves of surrogate pairs, which cannot be written."""
 
 def visible(text: str) -> str:
     """A text on one line, in which characters that would do something to a terminal, page or table stand as escapes."""
-    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+    return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def format_error(error: BaseException) -> str:

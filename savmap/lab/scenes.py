@@ -120,7 +120,7 @@ class Goods(Strict):
     identical: bool = False
 
 
-class Look(Strict):
+class Exposure(Strict):
     """How the pictures are exposed: `exposure` 1 puts the mean of the scene at a mid grey."""
 
     exposure: float = Field(default=1.0, gt=0)
@@ -193,7 +193,7 @@ class Site:
 
     hall: Hall
     goods: Goods
-    look: Look
+    exposure: Exposure
     frames: Mapping[str, RowFrame]
     sizes: Mapping[str, RowSize] = field(default_factory=dict)
     fronts: Mapping[str, Sequence[Front]] = field(default_factory=dict)

@@ -197,7 +197,7 @@ def check_score(score: "Score") -> None:
     named = {
         **score.errors,
         **score.coordinates,
-        **{name: matches.distances_m for name, matches in score.apart.items()},
+        **{name: matches.distances_m for name, matches in score.distances.items()},
     }
     for name, errors in named.items():
         require(_finite(errors), f"an error of `{name}` is not finite")

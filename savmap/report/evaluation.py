@@ -91,7 +91,7 @@ def score_json(score: Score) -> Fragment:
         "spurious": dict(score.spurious),
         "classes": {name: _statistics_json(errors) for name, errors in score.errors.items()},
         "edges": {name: _statistics_json(errors) for name, errors in score.coordinates.items()},
-        **{heading: _distances_json(distances) for heading, distances in score.apart.items()},
+        **{heading: _distances_json(distances) for heading, distances in score.distances.items()},
     }
 
 
@@ -163,7 +163,7 @@ def _block(title: str, score: Score) -> str:
     lines += [f"  mean absolute error {100 * error:.2f} cm"] if error is not None else []
     counts = f"  missing: {named_counts(score.missing)}; spurious: {named_counts(score.spurious)}"
     lines += [counts] if score.missing else []
-    lines += [f"  {heading}: {_distances(distances)}" for heading, distances in score.apart.items()]
+    lines += [f"  {heading}: {_distances(distances)}" for heading, distances in score.distances.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -86,22 +86,23 @@ class Structure:
         as where a post ends that goods hide. It is unsure and was not solved for, as far as `joint` knows, or it is the
         least sure one of an end that its plugin says it assumes."""
         variances = np.diagonal(self.covariances, axis1=1, axis2=2)
-        solved = [joint is None or joint.solved(plugin, self, number) for number in range(len(self.vertices))]
-        unsure = (variances > ASSUMED_M**2) & ~np.array([np.broadcast_to(own, 3) for own in solved], bool).reshape(
-            -1, 3
-        )
-        assumed: Bools = unsure | (self._told_ends()[:, None] & (variances == variances.max(axis=1, keepdims=True)))
+        solved = np.ones(variances.shape, bool)
+        if joint is not None:
+            numbers = range(len(self.vertices))
+            solved = np.array([joint.solved(plugin, self, number) for number in numbers], bool).reshape(-1, 3)
+        unsure = (variances > ASSUMED_M**2) & ~solved
+        assumed: Bools = unsure | (self._assumed_ends()[:, None] & (variances == variances.max(axis=1, keepdims=True)))
         return assumed
 
-    def _told_ends(self) -> Bools:
+    def _assumed_ends(self) -> Bools:
         """Which vertices (n,) its plugin says that it assumes, by the words of their labels; all, where it names
         none."""
-        told = np.zeros(len(self.vertices), bool)
+        assumed = np.zeros(len(self.vertices), bool)
         for text in (self.attributes[key] for key in ENDS if isinstance(self.attributes.get(key), str)):
             words = set(str(text).split())
             named = np.array([bool(words.intersection(label.split())) for label in self.vertex_labels], bool)
-            told |= named if named.any() else True
-        return told
+            assumed |= named if named.any() else True
+        return assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,20 +184,20 @@ class JointCovariance:
         if (first[0], first[1].id, first[2]) == (second[0], second[1].id, second[2]):
             return np.zeros((3, 3))
         numbers = np.concatenate([self._numbers(*first), self._numbers(*second)])
-        own = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
+        variances = np.concatenate([np.diag(structure.covariances[vertex]) for _, structure, vertex in (first, second)])
         solved = numbers >= 0
-        whole = np.diag(np.where(solved, 0.0, own))
-        whole[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
-        apart: Floats = whole[:3, :3] + whole[3:, 3:] - whole[:3, 3:] - whole[3:, :3]
-        return apart
+        both = np.diag(np.where(solved, 0.0, variances))
+        both[np.ix_(solved, solved)] = self.covariance[np.ix_(numbers[solved], numbers[solved])]
+        difference: Floats = both[:3, :3] + both[3:, 3:] - both[:3, 3:] - both[3:, :3]
+        return difference
 
     def solved(self, plugin: str, structure: Structure, vertex: int) -> tuple[bool, ...]:
         """Whether each coordinate of a vertex was solved for; what was not is what the plugin takes it to be."""
         return tuple(bool(number >= 0) for number in self._numbers(plugin, structure, vertex))
 
     def _numbers(self, plugin: str, structure: Structure, vertex: int) -> Ints:
-        known = self.coordinates.get(plugin, {}).get(structure.id)
-        return np.full(3, -1) if known is None else known[vertex]
+        numbers = self.coordinates.get(plugin, {}).get(structure.id)
+        return np.full(3, -1) if numbers is None else numbers[vertex]
 
 
 SKIPPED = "frames skipped"
@@ -391,10 +392,9 @@ class SiteMap:
         there are none."""
         doubtful = [name for name, row in self.rows.items() if row.verdict and row.verdict.doubts]
         count = len(self.rows.keys() | self.failed.keys())
+        rows = "1 row" if count == 1 else f"{count} rows"
         parts = (([*self.failed], "could not be mapped"), (doubtful, "must be checked"))
-        return "; ".join(
-            f"{len(names)} of {_counted(count)} {what}: {', '.join(names)}" for names, what in parts if names
-        )
+        return "; ".join(f"{len(names)} of {rows} {what}: {', '.join(names)}" for names, what in parts if names)
 
     def _repr_html_(self) -> str:
         """What a notebook shows of the map."""
@@ -402,22 +402,16 @@ class SiteMap:
         return shown
 
     def _vertices(self) -> Iterator[dict[str, object]]:
-        said = self.doubts()
         for row in self.rows.values():
             for plugin, structures in row.structures.items():
                 for structure in structures:
-                    doubts = "; ".join(said.get((row.name, structure.id), ()))
-                    yield from _vertex_lines(row, plugin, structure, doubts)
+                    yield from _vertex_lines(row, plugin, structure)
 
 
 def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | None) -> list[str]:
     """For each vertex the axes along which nothing measured it: "", "y", "xy"."""
     assumed = structure.assumed(plugin, joint)
-    return ["".join(axis for axis, one in zip("xyz", vertex, strict=True) if one) for vertex in assumed]
-
-
-def _counted(rows: int) -> str:
-    return "1 row" if rows == 1 else f"{rows} rows"
+    return ["".join(np.array(["x", "y", "z"])[vertex]) for vertex in assumed]
 
 
 def doubts_of(row: RowMap, structure: str) -> tuple[Doubt, ...]:
@@ -426,12 +420,13 @@ def doubts_of(row: RowMap, structure: str) -> tuple[Doubt, ...]:
     return tuple(doubt for doubt in doubts if doubt.of_row or structure in doubt.structures)
 
 
-def _vertex_lines(row: RowMap, plugin: str, structure: Structure, doubts: str) -> Iterator[dict[str, object]]:
-    whole = {"row": row.name, "plugin": plugin, "structure": structure.id, "label": structure.label}
+def _vertex_lines(row: RowMap, plugin: str, structure: Structure) -> Iterator[dict[str, object]]:
+    element = {"row": row.name, "plugin": plugin, "structure": structure.id, "label": structure.label}
+    doubts = "; ".join(doubt.line for doubt in doubts_of(row, structure.id))
     axes = assumed_axes(structure, plugin, row.joint)
     vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, axes, strict=True)
     for label, position, covariance, assumed in vertices:
         place = dict(zip(("x_m", "y_m", "z_m"), position.tolist(), strict=True))
         sigmas = dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        known = {**place, **sigmas, "assumed": assumed, "doubts": doubts}
-        yield {**whole, "vertex": label, **known, **structure.attributes}
+        vertex = {"vertex": label, **place, **sigmas, "assumed": assumed, "doubts": doubts}
+        yield {**element, **vertex, **structure.attributes}

@@ -27,7 +27,7 @@ class Score:
 
     errors: truth - estimate (n,) m by class of measure; all of them make up the mean absolute error. coordinates: the
     same for edge coordinates in the row's frame, which widths hide. missing, spurious: counts by class of element.
-    apart: points under a heading of their own, outside the mean. deviations: by structure id, its largest edge error in
+    distances: points under a heading of their own, outside the mean. deviations: by structure id, its largest edge error in
     m (infinite where it is spurious). begins_m: where the survey's x has the map's x = 0, where that is known to lie
     elsewhere than at the survey's own: the map lacks the row's beginning.
     """
@@ -36,7 +36,7 @@ class Score:
     coordinates: Mapping[str, Floats] = field(default_factory=dict)
     missing: Mapping[str, int] = field(default_factory=dict)
     spurious: Mapping[str, int] = field(default_factory=dict)
-    apart: Mapping[str, Distances] = field(default_factory=dict)
+    distances: Mapping[str, Distances] = field(default_factory=dict)
     deviations: Mapping[str, float] = field(default_factory=dict)
     begins_m: float = 0.0
 
@@ -82,7 +82,7 @@ def pool(scores: Iterable[Score]) -> Score:
         coordinates=_concatenated(score.coordinates for score in parts),
         missing=_added(score.missing for score in parts),
         spurious=_added(score.spurious for score in parts),
-        apart=_pooled_distances([score.apart for score in parts]),
+        distances=_pooled_distances([score.distances for score in parts]),
         deviations={name: value for score in parts for name, value in score.deviations.items()},
     )
 

@@ -71,8 +71,8 @@ def by_cause(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
 
 def _as_one(alike: Sequence[Doubt]) -> Doubt:
     sizes = [float(size[1]) if (size := SIZE.match(doubt.figure)) else None for doubt in alike]
-    known = [size for size in sizes if size is not None]
-    worst = alike[sizes.index(max(known))] if len(known) == len(alike) else alike[0]
+    measured = [size for size in sizes if size is not None]
+    worst = alike[sizes.index(max(measured))] if len(measured) == len(alike) else alike[0]
     structures = tuple(dict.fromkeys(name for doubt in alike for name in doubt.structures))
     each = all(len(doubt.structures) == 1 for doubt in alike)
     noun = "elements" if each else "places" if structures else COUNTED.get(alike[0].kind, "places")
@@ -80,7 +80,7 @@ def _as_one(alike: Sequence[Doubt]) -> Doubt:
     return replace(
         worst,
         structures=structures,
-        figure=f"{count}, up to {worst.figure}" if len(known) == len(alike) else count,
+        figure=f"{count}, up to {worst.figure}" if len(measured) == len(alike) else count,
         action=_common_action(dict.fromkeys(doubt.action for doubt in alike)),
         details=tuple(dict.fromkeys(line for doubt in alike for line in (doubt.line, *doubt.details))),
     )

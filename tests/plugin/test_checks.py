@@ -129,7 +129,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("survey_entry", SurveyEntry({"x": np.zeros(3)}), "not JSON serializable"),
     ("cross_row_landmarks", [replace(LANDMARK, id="other")], "landmark `other`: no structure has that id"),
     ("cross_row_landmarks", [replace(LANDMARK, place=np.full(3, NAN))], "its position is not finite"),
-    ("evaluate", Score(apart={"things": Distances(np.array([NAN]))}), "an error of `things` is not finite"),
+    ("evaluate", Score(distances={"things": Distances(np.array([NAN]))}), "an error of `things` is not finite"),
     ("evaluate", Score(deviations={"thing 1": NAN}), "the deviation of `thing 1` is not a number"),
     ("draw", (Drawing("point", np.full((1, 3), NAN), "mapped", "fixture", "things"),), "a point of `things`"),
 ]

@@ -15,7 +15,7 @@ import typer
 from savmap.errors import PluginError, PluginFailedError
 from savmap.lab import hookspecs as lab_hookspecs
 from savmap.lab.plugins import LabPlugin
-from savmap.lab.scenes import Goods, Hall, Look, RandomSection, SceneParts, Site
+from savmap.lab.scenes import Exposure, Goods, Hall, RandomSection, SceneParts, Site
 from savmap.plugin import hookspecs, manager
 from savmap.types import Score
 
@@ -25,7 +25,7 @@ HOOKS: dict[str, Callable[..., Any]] = {
     name: value for name, value in {**vars(hookspecs), **vars(lab_hookspecs)}.items() if hasattr(value, "savmap_spec")
 }
 DOCS = (Path(__file__).parents[2] / "docs" / "hooks.md").read_text(encoding="utf-8")
-SITE = Site(Hall(), Goods(), Look(), {})
+SITE = Site(Hall(), Goods(), Exposure(), {})
 LAB_CALLS: dict[str, Callable[[Any], Any]] = {
     "scene": lambda plugin: plugin.scene({}, np.random.default_rng(0), SITE),
     "random_section": lambda plugin: plugin.random_section(np.random.default_rng(0), SITE, None),

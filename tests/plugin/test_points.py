@@ -176,18 +176,18 @@ def truth(*x: float) -> Floats:
 def test_scores_match_one_to_one_as_many_as_can_be() -> None:
     score = score_points(mapped(0.5, 1.4), truth(0.0, 0.9), 1.0, "posts")
     assert score.deviations == {"post 1": pytest.approx(0.5), "post 2": pytest.approx(0.5)}
-    assert (score.apart["posts"].missing, score.apart["posts"].spurious) == (0, 0)
+    assert (score.distances["posts"].missing, score.distances["posts"].spurious) == (0, 0)
 
 
 def test_objects_beyond_the_ends_are_neither_missing_nor_spurious() -> None:
     score = score_points(mapped(0.1, 5.0, 3.0), truth(0.0, 9.0, 2.0), 0.5, "posts", ends_x=(-1.0, 4.0))
-    found = score.apart["posts"]
+    found = score.distances["posts"]
     assert (len(found.distances_m), found.missing, found.spurious) == (1, 1, 1)
     assert score.deviations == {"post 1": pytest.approx(0.1), "post 3": float("inf")}
 
 
 def test_without_a_survey_there_is_no_score_and_nothing_surveyed_is_drawn() -> None:
-    assert score_points(mapped(1.0), None, 0.5, "posts").apart == {}
+    assert score_points(mapped(1.0), None, 0.5, "posts").distances == {}
     assert [one.role for one in draw_points(mapped(1.0), None, {"post 1": 1.0}, 0.05, "posts")] == ["off"]
 
 

@@ -18,7 +18,7 @@ def score(errors: list[float], missing: int = 0, spurious: int = 0, far: list[fl
         coordinates={"edge": np.array(errors)},
         missing={"thing": missing},
         spurious={"thing": spurious},
-        apart={} if far is None else {"spots": Distances(np.array(far), missing=1)},
+        distances={} if far is None else {"spots": Distances(np.array(far), missing=1)},
     )
 
 

@@ -34,7 +34,7 @@ def score_lamps(lamps: Sequence[Structure], surveyed: Floats, ends_x: tuple[floa
     ends = [distances for lamp in matched if (distances := _ends_apart(lamp, surveyed)) is not None]
     if not ends:
         return score
-    return replace(score, apart={**score.apart, ENDS: door.Distances(np.concatenate(ends))})
+    return replace(score, distances={**score.distances, ENDS: door.Distances(np.concatenate(ends))})
 
 
 def over_aisle(lamps: Sequence[Structure], middles: Floats) -> Bools:

@@ -69,7 +69,7 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
     return Score(
         missing={"sign text": len(unread)},
         spurious={"sign text": len(misread)},
-        apart={"signs": distances},
+        distances={"signs": distances},
         deviations=deviations | spurious,
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from savmap.errors import OutputError, ending_in_one_line
 from savmap.files.atomic import read_json, write_text
 from savmap.geometry.pinhole import focal_px
-from savmap.lab.scenes import Look
+from savmap.lab.scenes import Exposure
 from savmap.lab.sim.drive.views import CameraSample, Kind, sample_camera, sought_labels, view_rays
 from savmap.lab.sim.random_scene import classes_of, random_scene
 from savmap.lab.sim.render.raycast import Caster, Hits
@@ -63,7 +63,7 @@ def _rays(camera: CameraSample, width: int, height: int, offset: tuple[float, fl
 def view_picture(
     scene: Renderer,
     camera: CameraSample,
-    look: Look,
+    look: Exposure,
     rng: np.random.Generator,
     classes: Sequence[str],
     size: tuple[int, int] = (WIDTH, HEIGHT),

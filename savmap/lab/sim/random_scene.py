@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from savmap.lab.plugins import LabPlugin, furnishing_plugins, lab_plugin
-from savmap.lab.scenes import Goods, Hall, Look, RandomSection, Rgb, SceneError, Site
+from savmap.lab.scenes import Exposure, Goods, Hall, RandomSection, Rgb, SceneError, Site
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene, parse_scene, row_frame
 from savmap.plugin.manager import installed, load_class
@@ -67,7 +67,7 @@ def furnished(seed: int) -> FurnishedScene:
     rng = np.random.default_rng([seed, 77])
     aisle = float(rng.uniform(1.8, 4.5))
     plugins = furnishing_plugins()
-    empty = Site(Hall(), Goods(), Look(), {}, aisle=aisle)
+    empty = Site(Hall(), Goods(), Exposure(), {}, aisle=aisle)
     sections = dict(_answers(plugins, rng, empty))
     if not any(section.rows for section in sections.values()):
         raise SceneError("a random place needs a plugin that makes up rows (`random_section`); none is installed")
@@ -84,7 +84,7 @@ def furnished(seed: int) -> FurnishedScene:
     }
     plain = parse_scene(content, f"random scene {seed}")
     frames = {name: row_frame(place) for name, place in rows.items()}
-    site = replace(empty, hall=plain.hall, goods=plain.goods, look=plain.look, frames=frames, sizes=sizes)
+    site = replace(empty, hall=plain.hall, goods=plain.goods, exposure=plain.look, frames=frames, sizes=sizes)
     sections |= _answers([plugin for plugin in plugins if plugin.name not in sections], rng, site)
     structures = {name: dict(section.section) for name, section in sections.items()}
     return FurnishedScene(plain.model_copy(update={"structures": structures}), sections, site)

@@ -147,7 +147,7 @@ def score_points(
     deviations |= {structures[j].id: float("inf") for j in spurious}
     distances = np.concatenate([np.zeros(0), *hits.values()])
     return Score(
-        apart={heading: Distances(distances, int(wanted.sum()) - len(hits), len(spurious))}, deviations=deviations
+        distances={heading: Distances(distances, int(wanted.sum()) - len(hits), len(spurious))}, deviations=deviations
     )
 
 

@@ -69,7 +69,7 @@ def page_text(report: Report) -> str:
         ties=tie_table(ties, anchors) if ties else None,
         errors=class_table(score) if score else None,
         boxes=box_plot(report.evaluation) if report.evaluation else None,
-        distances=distance_table(score.apart) if score else None,
+        distances=distance_table(score.distances) if score else None,
         row_errors=row_errors(rows) if score else None,
         stages=stage_table(log) if log else None,
         stage_styles=stage_styles(log) if log else None,

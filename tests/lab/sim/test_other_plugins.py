@@ -11,7 +11,7 @@ import pytest
 
 from savmap.errors import PluginError, PluginFailedError
 from savmap.lab.plugins import GROUP, lab_plugin
-from savmap.lab.scenes import FACES, Box, Goods, Hall, Look, Material, RandomSection, SceneError, SceneParts, Site
+from savmap.lab.scenes import FACES, Box, Exposure, Goods, Hall, Material, RandomSection, SceneError, SceneParts, Site
 from savmap.lab.sim.dataset import view_mask
 from savmap.lab.sim.drive.cart import drive
 from savmap.lab.sim.drive.views import sample_camera
@@ -100,7 +100,7 @@ def test_a_broken_laboratory_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     crates = lab_plugin("crates")
     assert crates is not None
     with pytest.raises(PluginFailedError, match="plugin `crates` failed in `scene`: RuntimeError: oh"):
-        crates.scene({}, np.random.default_rng(0), Site(Hall(), Goods(), Look(), {}))
+        crates.scene({}, np.random.default_rng(0), Site(Hall(), Goods(), Exposure(), {}))
 
 
 def test_a_plugin_is_told_how_long_the_rows_are_and_what_stands_in_them(scene_with: Callable[..., Scene]) -> None:

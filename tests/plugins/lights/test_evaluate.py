@@ -37,7 +37,7 @@ def strips(row: Row) -> list[Structure]:
 
 def found(score: Score) -> Distances:
     assert not score.errors
-    return score.apart["lights"]
+    return score.distances["lights"]
 
 
 def test_a_perfect_map_scores_zero_for_lamps_above_the_row(surveyed: Row) -> None:
@@ -61,8 +61,8 @@ def test_ends_of_strips_are_compared_whichever_comes_first(surveyed: Row) -> Non
     long = lamp(1, [1.7, 8.2, 1.2], [0.3, 8.2, 1.2])
     score = evaluate([long], surveyed)
     assert found(score).distances_m == pytest.approx([0.0])
-    assert score.apart["ends of lights"].distances_m == pytest.approx([0.1, 0.1])
-    assert "ends of lights" not in evaluate([lamp(1, [1.0, 8.2, 1.2])], surveyed).apart
+    assert score.distances["ends of lights"].distances_m == pytest.approx([0.1, 0.1])
+    assert "ends of lights" not in evaluate([lamp(1, [1.0, 8.2, 1.2])], surveyed).distances
 
 
 def test_a_strip_with_an_unknown_end_is_not_compared(surveyed: Row) -> None:

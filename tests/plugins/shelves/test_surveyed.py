@@ -70,13 +70,13 @@ def require_no_error(site: SiteMap, survey: Any) -> None:
     assert set(scores.rows) == set(site.rows)
     for score in scores.rows.values():
         errors = np.concatenate([*score.errors.values(), *score.coordinates.values()])
-        apart = np.concatenate([own.distances_m for own in score.apart.values()])
+        apart = np.concatenate([own.distances_m for own in score.distances.values()])
         assert len(errors) > 80
         assert len(apart) == 3 + 6 + 2
         assert np.abs(errors).max() < NEAREST_M
         assert apart.max() < NEAREST_M
         lost = [*score.missing.values(), *score.spurious.values()]
-        assert not any([*lost, *(own.missing + own.spurious for own in score.apart.values())])
+        assert not any([*lost, *(own.missing + own.spurious for own in score.distances.values())])
 
 
 @pytest.mark.parametrize("ending", ["csv", pytest.param("dxf", marks=pytest.mark.extra("cad"))])
@@ -184,4 +184,4 @@ def test_a_survey_of_lamps_alone_scores_lamps_alone(site: SiteMap, tmp_path: Pat
     survey = savmap.import_survey(tmp_path / "lamps.csv", row="A").survey
     score = savmap.evaluate(alone, survey).rows["A"]
     assert (score.errors, score.missing) == ({}, {})
-    assert score.apart["lights"].distances_m == pytest.approx([0.0], abs=1e-6)
+    assert score.distances["lights"].distances_m == pytest.approx([0.0], abs=1e-6)

@@ -24,9 +24,9 @@ def test_scores_count_missing_and_spurious_texts() -> None:
     score = evaluate(mapped, survey)
     assert score.missing == {"sign text": 2}
     assert score.spurious == {"sign text": 1}
-    assert score.apart["signs"].distances_m == pytest.approx([0.01, 0.0])
-    assert (score.apart["signs"].missing, score.apart["signs"].spurious) == (1, 1)
-    assert evaluate(mapped, {}).apart == {}
+    assert score.distances["signs"].distances_m == pytest.approx([0.01, 0.0])
+    assert (score.distances["signs"].missing, score.distances["signs"].spurious) == (1, 1)
+    assert evaluate(mapped, {}).distances == {}
 
 
 def test_drawings_mark_signs_off_the_survey() -> None:

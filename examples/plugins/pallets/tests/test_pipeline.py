@@ -141,10 +141,10 @@ def test_pallets_tell_of_the_camera_too(tracks: list[Track]) -> None:
 def test_scores(tracks: list[Track], solution: Solution) -> None:
     found = describe(tracks, solution, made.SIZE, "pallets")
     score = evaluate(found[:2], SURVEY)
-    assert (score.apart["pallets"].missing, score.apart["pallets"].spurious) == (1, 0)
+    assert (score.distances["pallets"].missing, score.distances["pallets"].spurious) == (1, 0)
     other = {"pallets": [{"x": 50.0, "z": 1.0, "turn_deg": 0.0}]}
-    assert evaluate(found, other).apart["pallets"].spurious == 3
-    assert evaluate(found, {}).apart == {}
+    assert evaluate(found, other).distances["pallets"].spurious == 3
+    assert evaluate(found, {}).distances == {}
     assert off_deg(179.0, 1.0) == pytest.approx(-2.0)
     with pytest.raises(OutputError, match="survey"):
         evaluate(found, {"pallets": [{"x": 1.0}]})

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from savmap.geometry.sphere import rays_from_panorama_pixels
-from savmap.lab.scenes import Look
+from savmap.lab.scenes import Exposure
 from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.render.shade import Image, Mask, Renderer, antialiased, developed, metered
 from savmap.lab.sim.render.surfaces import Indices, Singles
@@ -28,7 +28,7 @@ _QUALITY = {"crf": "18", "preset": "fast"}
 
 
 def panorama(
-    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, look: Look, seed: Sequence[int] = (0,)
+    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, look: Exposure, seed: Sequence[int] = (0,)
 ) -> Image:
     """The panorama (height, 2 height, 3) RGB of a rig at `origin` (3,) m; `seed` fixes its noise."""
     rng = np.random.default_rng(list(seed))
@@ -72,7 +72,7 @@ def view_classes(
 class _Task:
     scene: Renderer
     path: Drive
-    look: Look
+    look: Exposure
 
     def frame(self, index: int) -> Image:
         scene = self.scene.built.scene
@@ -125,7 +125,7 @@ def encode(images: Iterable[Image], cart: Cart, path: Path) -> None:
         container.mux(stream.encode())
 
 
-def _exposed(scene: Renderer, path: Drive) -> Look:
+def _exposed(scene: Renderer, path: Drive) -> Exposure:
     """The clip's one exposure, as metered half way along the drive."""
     middle = len(path.origins) // 2
     bands = linear_bands(scene, path.origins[middle], path.world_from_rig[middle], _METERING_HEIGHT)

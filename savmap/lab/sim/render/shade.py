@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.lab.scenes import Look
+from savmap.lab.scenes import Exposure
 from savmap.lab.sim.render.lightmap import Lightmap, bake
 from savmap.lab.sim.render.raycast import Caster, Hits
 from savmap.lab.sim.render.surfaces import Indices, Singles, Surfaces, surfaces_of
@@ -113,7 +113,7 @@ def different(hits: Hits, shape: tuple[int, int], wrap: bool = False) -> NDArray
     return edge
 
 
-def developed(linear: Singles, look: Look, vignette: Floats | None, rng: np.random.Generator) -> Image:
+def developed(linear: Singles, look: Exposure, vignette: Floats | None, rng: np.random.Generator) -> Image:
     """An RGB picture (h, w, 3) from linear radiance: white balance, exposure, vignette (h, w), film curve, noise."""
     exposed = linear * (np.array(look.white_balance) * look.exposure * _WHITE_AT).astype(np.float32)
     if vignette is not None:
@@ -126,7 +126,7 @@ def developed(linear: Singles, look: Look, vignette: Floats | None, rng: np.rand
     return np.clip(255 * encoded + 0.5, 0, 255).astype(np.uint8)
 
 
-def metered(look: Look, linear: Singles, strength: float = 1.0) -> Look:
+def metered(look: Exposure, linear: Singles, strength: float = 1.0) -> Exposure:
     """The look as a camera would expose it that sees `linear`: at strength 1 its mean becomes a mid grey."""
     grey = max(float(np.minimum(linear, 1.5).mean()), 0.02)
     return look.model_copy(update={"exposure": look.exposure * (_GREY / grey) ** strength})

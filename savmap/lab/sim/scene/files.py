@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.texts import bounded_text
-from savmap.lab.scenes import Goods, Hall, Look, RowFrame, RowPlace, SceneError, Strict, validated
+from savmap.lab.scenes import Exposure, Goods, Hall, RowFrame, RowPlace, SceneError, Strict, validated
 
 
 class CartPath(Strict):
@@ -78,7 +78,7 @@ class Scene(Strict):
     seed: int = 0
     hall: Hall = Hall()
     goods: Goods = Goods()
-    look: Look = Look()
+    look: Exposure = Exposure()
     cart: Cart = Cart()
     rows: dict[str, RowPlace] = Field(default_factory=lambda: {"A": RowPlace()})
     structures: dict[str, dict[str, Any]] = Field(default_factory=dict)

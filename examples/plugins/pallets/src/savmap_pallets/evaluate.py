@@ -32,7 +32,7 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
     distances = {match.mapped.id: match.distance_m for match in found}
     spurious = {one.id: float("inf") for one in pallets if one.id not in distances}
     apart = Distances(np.array(list(distances.values())), len(truth) - len(found), len(spurious))
-    return Score(apart={"pallets": apart}, deviations=distances | spurious)
+    return Score(distances={"pallets": apart}, deviations=distances | spurious)
 
 
 def matches(pallets: Sequence[Structure], truth: Sequence[SurveyedPallet]) -> list[Match]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.graph import CameraHeight, References, camera_priors, merge, published_start, solve
-from savmap.lab.scenes import Goods, Hall, Look, RowFrame, Site
+from savmap.lab.scenes import Exposure, Goods, Hall, RowFrame, Site
 from savmap.plugin import (
     LEVEL,
     Detection,
@@ -129,7 +129,7 @@ def test_scores_drawings_and_other_rows(plugin: LoadedPlugin) -> None:
 
 
 def test_the_simulator_builds_them_and_a_random_place_has_some() -> None:
-    site = Site(Hall(), Goods(), Look(), {"A": RowFrame(np.eye(3), np.array([1.0, 0.0, 0.0]), True)})
+    site = Site(Hall(), Goods(), Exposure(), {"A": RowFrame(np.eye(3), np.array([1.0, 0.0, 0.0]), True)})
     parts = PillarsLab().scene({"stands": [{"x": 1.0, "z": 0.0, "height": 2.6}]}, site)
     assert len(parts.boxes) == 1
     np.testing.assert_allclose(parts.survey["A"]["pillars"], POSTS[:1])
