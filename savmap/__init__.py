@@ -18,137 +18,76 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 network imports something of savmap first: workers and plugins too; and processes that they start inherit it."""
 
 if TYPE_CHECKING:
-    from savmap.errors import SavmapError
-    from savmap.jobs.api import (
-        align,
-        compare,
-        evaluate,
-        export,
-        find,
-        import_survey,
-        load_map,
-        map_site,
-        map_video,
-        measure,
-        view,
-    )
-    from savmap.maps.comparison import Comparison, Difference, ElementChange, RowComparison, RowMotion
-    from savmap.maps.distance import VertexDistance
-    from savmap.maps.map_file import write_map
-    from savmap.maps.search import SearchHit
-    from savmap.maps.survey import write_survey
-    from savmap.plugin.hookspecs import hookimpl
-    from savmap.plugin.protocol import Plugin
-    from savmap.report.viewer.notebook import MapView
-    from savmap.types import (
-        CrossRowLandmark,
-        Detection,
-        Doubt,
-        Evaluation,
-        Feature,
-        FrameTable,
-        Panorama,
-        Placement,
-        ReferenceUse,
-        RowFacts,
-        RowMap,
-        Score,
-        SiteMap,
-        Structure,
-        Survey,
-        Track,
-        Trajectory,
-        Verdict,
-        View,
-        ViewPlan,
-        ViewSpec,
-    )
-    from savmap.types.progress import Monitor
+    from savmap.errors import SavmapError as SavmapError
+    from savmap.jobs.api import align as align
+    from savmap.jobs.api import compare as compare
+    from savmap.jobs.api import evaluate as evaluate
+    from savmap.jobs.api import export as export
+    from savmap.jobs.api import find as find
+    from savmap.jobs.api import import_survey as import_survey
+    from savmap.jobs.api import load_map as load_map
+    from savmap.jobs.api import map_site as map_site
+    from savmap.jobs.api import map_video as map_video
+    from savmap.jobs.api import measure as measure
+    from savmap.jobs.api import view as view
+    from savmap.maps.comparison import Comparison as Comparison
+    from savmap.maps.comparison import Difference as Difference
+    from savmap.maps.comparison import ElementChange as ElementChange
+    from savmap.maps.comparison import RowComparison as RowComparison
+    from savmap.maps.comparison import RowMotion as RowMotion
+    from savmap.maps.distance import VertexDistance as VertexDistance
+    from savmap.maps.map_file import write_map as write_map
+    from savmap.maps.search import SearchHit as SearchHit
+    from savmap.maps.survey import write_survey as write_survey
+    from savmap.plugin.hookspecs import hookimpl as hookimpl
+    from savmap.plugin.protocol import Plugin as Plugin
+    from savmap.report.viewer.notebook import MapView as MapView
+    from savmap.types import CrossRowLandmark as CrossRowLandmark
+    from savmap.types import Detection as Detection
+    from savmap.types import Doubt as Doubt
+    from savmap.types import Evaluation as Evaluation
+    from savmap.types import Feature as Feature
+    from savmap.types import FrameTable as FrameTable
+    from savmap.types import Panorama as Panorama
+    from savmap.types import Placement as Placement
+    from savmap.types import ReferenceUse as ReferenceUse
+    from savmap.types import RowFacts as RowFacts
+    from savmap.types import RowMap as RowMap
+    from savmap.types import Score as Score
+    from savmap.types import SiteMap as SiteMap
+    from savmap.types import Structure as Structure
+    from savmap.types import Survey as Survey
+    from savmap.types import Track as Track
+    from savmap.types import Trajectory as Trajectory
+    from savmap.types import Verdict as Verdict
+    from savmap.types import View as View
+    from savmap.types import ViewPlan as ViewPlan
+    from savmap.types import ViewSpec as ViewSpec
+    from savmap.types.progress import Monitor as Monitor
 
-__all__ = [
-    "Comparison",
-    "CrossRowLandmark",
-    "Detection",
-    "Difference",
-    "Doubt",
-    "ElementChange",
-    "Evaluation",
-    "Feature",
-    "FrameTable",
-    "MapView",
-    "Monitor",
-    "Panorama",
-    "Placement",
-    "Plugin",
-    "ReferenceUse",
-    "RowComparison",
-    "RowFacts",
-    "RowMap",
-    "RowMotion",
-    "SavmapError",
-    "Score",
-    "SearchHit",
-    "SiteMap",
-    "Structure",
-    "Survey",
-    "Track",
-    "Trajectory",
-    "Verdict",
-    "VertexDistance",
-    "View",
-    "ViewPlan",
-    "ViewSpec",
-    "align",
-    "compare",
-    "evaluate",
-    "export",
-    "find",
-    "hookimpl",
-    "import_survey",
-    "load_map",
-    "map_site",
-    "map_video",
-    "measure",
-    "view",
-    "write_map",
-    "write_survey",
-]
-_MODULES = {
-    "SavmapError": "savmap.errors",
-    "Monitor": "savmap.types.progress",
-    "MapView": "savmap.report.viewer.notebook",
-    "SearchHit": "savmap.maps.search",
-    "VertexDistance": "savmap.maps.distance",
-    "write_map": "savmap.maps.map_file",
-    "write_survey": "savmap.maps.survey",
-    "hookimpl": "savmap.plugin.hookspecs",
-    "Plugin": "savmap.plugin.protocol",
-    **dict.fromkeys(
-        ("Comparison", "Difference", "ElementChange", "RowComparison", "RowMotion"), "savmap.maps.comparison"
-    ),
-    **dict.fromkeys(
-        (
-            "align",
-            "compare",
-            "evaluate",
-            "export",
-            "find",
-            "import_survey",
-            "load_map",
-            "map_site",
-            "map_video",
-            "measure",
-            "view",
-        ),
-        "savmap.jobs.api",
-    ),
+_NAMES = {
+    "savmap.errors": "SavmapError",
+    "savmap.jobs.api": "align compare evaluate export find import_survey load_map map_site map_video measure view",
+    "savmap.maps.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
+    "savmap.maps.distance": "VertexDistance",
+    "savmap.maps.map_file": "write_map",
+    "savmap.maps.search": "SearchHit",
+    "savmap.maps.survey": "write_survey",
+    "savmap.plugin.hookspecs": "hookimpl",
+    "savmap.plugin.protocol": "Plugin",
+    "savmap.report.viewer.notebook": "MapView",
+    "savmap.types": "CrossRowLandmark Detection Doubt Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec",
+    "savmap.types.progress": "Monitor",
 }
+"""What is public, by the module that it is imported from."""
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name not in _MODULES:
         raise AttributeError(f"module 'savmap' has no attribute {name!r}")
-    value = getattr(import_module(_MODULES.get(name, "savmap.types")), name)
+    value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 

@@ -94,7 +94,7 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case, and of what is not there what is called alike. "File exists", which
+    """The operating system's message, in lower case; of what is not there, what is called alike. "File exists", which
     only a folder's place gives, in plainer words."""
     if error.errno == errno.EEXIST:
         return "what would be its folder is a file"

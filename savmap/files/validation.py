@@ -1,5 +1,5 @@
-"""Content of files checked against pydantic models: for each mistake one line in a user's words, at the value's key, and
-of the kinds of value that may stand there about the one that was meant."""
+"""Content of files checked against pydantic models: for each mistake one line in a user's words, at the value's key,
+and of the kinds of value that may stand there about the one that was meant."""
 
 import difflib
 import re

@@ -22,12 +22,12 @@ SCHEMA = "site.schema.json"
 HEAD = f"""\
 # yaml-language-server: $schema={SCHEMA}
 # A site for savmap. Lengths are metres, times seconds, angles degrees; paths are relative to this file.
-# A "#" without a space after it, or with more than one, stands before a setting that is not in use: take it away to use it.
+# A "#" without a space after it, or with more than one, stands before a setting that is not in use: take it away.
 # `savmap check` says whether all is well and what a run will take; `savmap map` maps. All keys: docs/site-file.md.
 """
 REFERENCES = """
-# What is known without mapping, for all rows; rows may say otherwise. The map's scale comes from here: give the camera's
-# height, or a length, or a marker, for every row.
+# What is known without mapping, for all rows; rows may say otherwise. The map's scale comes from here: give the
+# camera's height, or a length, or a marker, for every row.
 #references:
 #  camera_height_m: {value: 3.05, sigma: 0.02}  # above the floor
 #  travel_m: 15  # roughly how far the camera goes: a first guess
@@ -50,15 +50,15 @@ REFERENCES = """
 #  lens_distance: false  # the distance between the two lenses, whose seam crosses the face
 #  rolling_shutter: false  # the time from the first row of the panorama to the last one
 
-# Where rows stand in the site's frame, if they are regularly spaced: face to face across an aisle, then back to back, and so
-# on. A row may have a `place` of its own instead.
+# Where rows stand in the site's frame, if they are regularly spaced: face to face across an aisle, then back to back,
+# and so on. A row may have a `place` of its own instead.
 #layout:
 #  aisle_m: 3.0  # from a face to the one across the aisle
 #  rack_m: 2.2  # from a face to the one behind its back
 #  length_m: 14.0  # from the outer edge of a row's first element to the outer edge of its last
 
-# One face of one aisle each. The two faces of an aisle that were seen on one drive are two rows with the same video and times,
-# one with `side: left`, one with `side: right`.
+# One face of one aisle each. The two faces of an aisle that were seen on one drive are two rows with the same video
+# and times, one with `side: left`, one with `side: right`.
 rows:
 """
 OF_PASS = """\
@@ -67,7 +67,7 @@ OF_PASS = """\
 #          face: {yaw_deg: -90, pitch_deg: 0, roll_deg: 0, hfov_deg: 120}
 """
 OF_ROW = """\
-#    place: {x_m: 0, z_m: 0, heading_deg: 0}  # the left end of the row, as one faces it; heading: which way it runs to the right
+#    place: {x_m: 0, z_m: 0, heading_deg: 0}  # the row's left end, as one faces it; which way it runs to the right
 """
 
 

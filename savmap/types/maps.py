@@ -86,7 +86,7 @@ class Structure:
         as where a post ends that goods hide. It is unsure and was not solved for, as far as `joint` knows, or it is the
         least sure one of an end that its plugin says it assumes."""
         variances = np.diagonal(self.covariances, axis1=1, axis2=2)
-        solved = np.ones(variances.shape, bool)
+        solved: Bools = np.ones(variances.shape, bool)
         if joint is not None:
             numbers = range(len(self.vertices))
             solved = np.array([joint.solved(plugin, self, number) for number in numbers], bool).reshape(-1, 3)

@@ -27,9 +27,9 @@ class Score:
 
     errors: truth - estimate (n,) m by class of measure; all of them make up the mean absolute error. coordinates: the
     same for edge coordinates in the row's frame, which widths hide. missing, spurious: counts by class of element.
-    distances: points under a heading of their own, outside the mean. deviations: by structure id, its largest edge error in
-    m (infinite where it is spurious). begins_m: where the survey's x has the map's x = 0, where that is known to lie
-    elsewhere than at the survey's own: the map lacks the row's beginning.
+    distances: points under a heading of their own, outside the mean. deviations: by structure id, its largest edge
+    error in m (infinite where it is spurious). begins_m: where the survey's x has the map's x = 0, where that is known
+    to lie elsewhere than at the survey's own: the map lacks the row's beginning.
     """
 
     errors: Mapping[str, Floats] = field(default_factory=dict)
