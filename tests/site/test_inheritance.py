@@ -56,10 +56,6 @@ def test_direction_says_on_which_hand_the_face_is(direction: str, side: str) -> 
         Pass.model_validate({"video": "a.mp4", "side": side, "direction": "-x" if direction == "+x" else "+x"})
 
 
-def test_numbers_will_do_as_names() -> None:
-    assert list(Site.model_validate({"rows": {3: {"passes": [{"video": "a.mp4"}]}}}).rows) == ["3"]
-
-
 def test_every_picture_of_a_folder_is_taken_unless_a_rate_is_given(tmp_path: Path) -> None:
     """At 15 a second every second one was left out without a word."""
     for given, rate in ({}, 30), ({"fps": 5}, 5):

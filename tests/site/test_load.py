@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from savmap.errors import SiteError
-from savmap.files.urls import where
 from savmap.graph import Calibration, KnownMarker, LensDistance, Shutter, Stitching, VerticalScale
 from savmap.site.load import load_alignment, load_site
 from savmap.site.model import Site
@@ -46,57 +45,16 @@ def test_a_row_overrides_the_site(tmp_path: Path) -> None:
     assert references.camera_height_m.value == 3.0
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "line", "hint"),
-    [
-        ("side: left", "sides: left", 8, "did you mean `side`"),
-        ("camera_height_m:", "camera_height_mm:", 4, "wrong unit? Use `camera_height_m`"),
-        ("value: 3.0", "value: 3000", 4, "metres"),
-        ("side: left", "side: top", 8, "'left' or 'right'"),
-        ("travel_m: 12", "travel_m: [1", 11, "not valid YAML"),
-        ("rows:", "row:", 5, "did you mean `rows`"),
-    ],
-)
-def test_mistakes_are_named_with_their_line(tmp_path: Path, old: str, new: str, line: int, hint: str) -> None:
-    path = write(tmp_path, GOOD.replace(old, new))
-    with pytest.raises(SiteError) as caught:
-        load_site(path)
-    message = str(caught.value)
-    assert message.startswith(f"{path}:{line}:")
-    assert hint in message
-    assert "\n" not in message
-
-
-MARKER = "  markers: [{dictionary: tag36h11, id: 7, size_m: 0.2}]\nrows:"
-
-
 def test_markers_become_references(tmp_path: Path) -> None:
-    site = load_site(write(tmp_path, GOOD.replace("rows:", MARKER)))
+    site = load_site(
+        write(tmp_path, GOOD.replace("rows:", "  markers: [{dictionary: tag36h11, id: 7, size_m: 0.2}]\nrows:"))
+    )
     assert references_of(site.row_references("A")).markers == (KnownMarker("tag36h11", 7, 0.2, 0.0005),)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "hint"),
-    [
-        ("tag36h11", "tag36h12", r"`references.markers\[0\].dictionary`"),
-        ("size_m: 0.2", "size_m: 200", r"`references.markers\[0\].size_m`.*metres"),
-        ("size_m: 0.2", "size_mm: 200", "wrong unit. Use `size_m`"),
-        ("7, size_m: 0.2}", "7, size_m: 0.2}, {dictionary: tag36h11, id: 7, size_m: 0.3}", "given twice"),
-    ],
-)
-def test_mistakes_in_markers_are_named(tmp_path: Path, old: str, new: str, hint: str) -> None:
-    with pytest.raises(SiteError, match=rf"site.yaml:5: .*{hint}"):
-        load_site(write(tmp_path, GOOD.replace("rows:", MARKER.replace(old, new))))
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(SiteError, match="no such site file"):
         load_site(tmp_path / "none.yaml")
-
-
-def test_a_key_within_a_list_is_named_by_its_place(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:8: `rows.A.passes\[0\].side`: input should be 'left' or 'right'"):
-        load_site(write(tmp_path, GOOD.replace("side: left", "side: up")))
 
 
 @pytest.mark.parametrize(
@@ -132,9 +90,9 @@ def test_what_of_the_camera_is_estimated(tmp_path: Path) -> None:
     assert calibration_of(usual) == Calibration(Stitching(), Shutter())
     cropped = load_site(write(tmp_path, GOOD + "calibration: {vertical_scale: true}\n")).calibration
     assert calibration_of(cropped) == Calibration(vertical=VerticalScale())
-    apart = load_site(write(tmp_path, GOOD + "calibration: {lens_distance: true}\n")).calibration
-    assert calibration_of(apart) == Calibration(lens_distance=LensDistance())
-    told = """\
+    lenses = load_site(write(tmp_path, GOOD + "calibration: {lens_distance: true}\n")).calibration
+    assert calibration_of(lenses) == Calibration(lens_distance=LensDistance())
+    given = """\
 calibration:
   panorama: {turn_sigma_deg: 2.0, scale_sigma: 0.01, blend_deg: 3}
   vertical_scale: {sigma: 0.05}
@@ -142,58 +100,28 @@ calibration:
   rolling_shutter: {sigma_s: 0.03, axis: columns}
   front_deg: 90
 """
-    section = load_site(write(tmp_path, GOOD + told)).calibration
+    section = load_site(write(tmp_path, GOOD + given)).calibration
     assert calibration_of(section) == Calibration(
         Stitching(2.0, 0.01, 3.0), Shutter(0.03, "columns"), 90.0, VerticalScale(0.05), LensDistance(0.02)
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "hint"),
-    [
-        ("{panorma: true}", "did you mean `panorama`"),
-        ("{panorama: {turn_sigma: 1}}", "did you mean `turn_sigma_deg`"),
-        ("{panorama: {turn_sigma_deg: 0}}", "greater than 0"),
-        ("{rolling_shutter: {axis: diagonal}}", "'rows' or 'columns'"),
-        ("{rolling_shutter: {sigma_s: 20}}", "less than or equal to 0.2"),
-        ("{rolling_shutter: fast}", "rolling_shutter"),
-    ],
-)
-def test_mistakes_in_the_calibration_are_named(tmp_path: Path, text: str, hint: str) -> None:
-    with pytest.raises(SiteError) as caught:
-        load_site(write(tmp_path, f"{GOOD}calibration: {text}\n"))
-    assert str(caught.value).startswith(f"{tmp_path / 'site.yaml'}:11:")
-    assert hint in str(caught.value)
-    assert "\n" not in str(caught.value)
+NAMES = ["012", "010", "1:30", "0x1F", "1_000", "1.10", "no", "on", "true", "~", "8", "2021-02-30"]
 
 
-def test_a_key_given_twice_is_named_with_both_lines(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:10: `rows.A` is given twice, first in line 6"):
-        load_site(write(tmp_path, GOOD.replace("      travel_m: 12\n", "") + "  A: {passes: [{video: b.mp4}]}\n"))
+def test_rows_are_called_as_they_are_written(tmp_path: Path) -> None:
+    """YAML takes some of these for numbers, truth and nothing: aisle 010 became row 8, and replaced the row of that name."""
+    rows = "".join(f"  {name}: {{passes: [{{video: a.mp4}}]}}\n" for name in NAMES)
+    layout = "layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [1:30, '010', no], lengths_m: {010: 8}}\n"
+    site = load_site(write(tmp_path, f"{layout}rows:\n{rows}"))
+    assert list(site.rows) == NAMES
+    assert site.layout is not None
+    assert (site.layout.rows, dict(site.layout.lengths_m)) == (("1:30", "010", "no"), {"010": 8})
 
 
-@pytest.mark.parametrize("name", ["012", "010", "1:30", "0x1F", "1_000", "1.10", "no", "on", "true", "~", "8"])
-def test_rows_are_called_as_they_are_written(tmp_path: Path, name: str) -> None:
-    """YAML takes these keys for numbers, truth and nothing: aisle 010 became row 8, and replaced the row of that name."""
-    text = GOOD.replace("  A:\n", f"  {name}:\n") + "  9: {passes: [{video: b.mp4}]}\n"
-    assert [*load_site(write(tmp_path, text)).rows] == [name, "9"]
-
-
-def test_a_tab_is_told(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:2: not valid YAML: .*if it is a tab, put spaces in its place"):
-        load_site(write(tmp_path, "rows:\n\tA: 1\n"))
-
-
-@pytest.mark.parametrize("text", ["", "  "])
-def test_an_empty_path_is_none(text: str) -> None:
-    """`-o "$OUT"` with nothing in it wrote into the folder that one was in."""
-    with pytest.raises(SiteError, match="a path is expected, not an empty text"):
-        where(text)
-
-
-def test_a_row_given_twice_in_two_ways_of_writing_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:\d+: `rows.8` is given twice"):
-        load_site(write(tmp_path, GOOD + "  8: {passes: [{video: b.mp4}]}\n  '8': {passes: [{video: b.mp4}]}\n"))
+def test_numbers_are_read_as_people_read_them(tmp_path: Path) -> None:
+    site = load_site(write(tmp_path, "fps: 015\nplugin_timeout_s: 1_000\njoint: off\n" + GOOD))
+    assert (site.fps, site.plugin_timeout_s, site.joint) == (15, 1000, False)
 
 
 @pytest.mark.parametrize(
@@ -227,13 +155,6 @@ def test_networks_are_taken_from_the_files_folder(tmp_path: Path) -> None:
     assert site.plugin_config("A", "shelves")["model"] == "/nets/own.onnx"
 
 
-def test_a_default_that_is_wrong_is_named_where_it_stands(tmp_path: Path) -> None:
-    with pytest.raises(SiteError, match=r"site.yaml:7: `rows.A.fps`: input should be greater than 0"):
-        load_site(write(tmp_path, GOOD.replace("  A:\n", "  A:\n    fps: 0\n")))
-    with pytest.raises(SiteError, match=r"site.yaml:1: `views.face.hfov_deg`"):
-        load_site(write(tmp_path, "views: {face: {yaw_deg: 0, hfov_deg: 500}}\n" + GOOD))
-
-
 def test_urls_stay_as_they_are(tmp_path: Path) -> None:
     text = GOOD.replace("a.mp4", "memory://drives/a.mp4").replace("rows:", "survey: file:///s/survey.json\nrows:")
     site = load_site(write(tmp_path, text))
@@ -247,18 +168,6 @@ def test_sections_without_values_are_as_good_as_left_out(tmp_path: Path) -> None
     site = load_site(write(tmp_path, text + "calibration:\nlayout:\nviews:\n"))
     assert site.plugins == {}
     assert site.row_references("A").travel_m is None
-
-
-def test_what_is_wrong_is_shown_in_short(tmp_path: Path) -> None:
-    deep = "".join(f"  a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]\n" for n in range(1, 12))
-    with pytest.raises(SiteError) as caught:
-        load_site(
-            write(
-                tmp_path,
-                GOOD.replace("value: 3.0", "value: *a11").replace("plugins:", f"x:\n  a0: &a0 0\n{deep}plugins:"),
-            )
-        )
-    assert len(str(caught.value)) < 300
 
 
 @pytest.mark.parametrize(
