@@ -3,7 +3,7 @@
 import json
 import os
 import string
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,56 +19,7 @@ if TYPE_CHECKING:
     from savmap.video.reader import VideoInfo
 
 SCHEMA = "site.schema.json"
-HEAD = f"""\
-# yaml-language-server: $schema={SCHEMA}
-# A site for savmap. Lengths are metres, times seconds, angles degrees; paths are relative to this file.
-# A "#" without a space after it, or with more than one, stands before a setting that is not in use: take it away.
-# `savmap check` says whether all is well and what a run will take; `savmap map` maps. All keys: docs/site-file.md.
-"""
-REFERENCES = """
-# What is known without mapping, for all rows; rows may say otherwise. The map's scale comes from here: give the
-# camera's height, or a length, or a marker, for every row.
-#references:
-#  camera_height_m: {value: 3.05, sigma: 0.02}  # above the floor
-#  travel_m: 15  # roughly how far the camera goes: a first guess
-#  lengths:  # measured between labelled edges of the map
-#    - {between: [upright 1 / left, upright 5 / right], value: 14.162, sigma: 0.003}
-#  markers:  # fiducial markers somewhere in the footage
-#    - {dictionary: tag36h11, id: 7, size_m: 0.20, sigma_m: 0.0005}
-
-# What a surveyor measured, if anything: scores are printed, and drawn under the map.
-#survey: survey.json
-
-# For all passes; rows and passes may say otherwise.
-#fps: 15  # sampling rate
-#appearance: false  # whether points of any kind help with the camera's motion
-
-# What of the camera is estimated with the map.
-#calibration:
-#  panorama: false  # the fit of the panorama's two halves
-#  vertical_scale: false  # one factor of all elevations, of panoramas that were cropped
-#  lens_distance: false  # the distance between the two lenses, whose seam crosses the face
-#  rolling_shutter: false  # the time from the first row of the panorama to the last one
-
-# Where rows stand in the site's frame, if they are regularly spaced: face to face across an aisle, then back to back,
-# and so on. A row may have a `place` of its own instead.
-#layout:
-#  aisle_m: 3.0  # from a face to the one across the aisle
-#  rack_m: 2.2  # from a face to the one behind its back
-#  length_m: 14.0  # from the outer edge of a row's first element to the outer edge of its last
-
-# One face of one aisle each. The two faces of an aisle that were seen on one drive are two rows with the same video
-# and times, one with `side: left`, one with `side: right`.
-rows:
-"""
-OF_PASS = """\
-#        side: left  # the hand the face is on as one drives along
-#        views:  # aimed by hand; wins over the automatic aim
-#          face: {yaw_deg: -90, pitch_deg: 0, roll_deg: 0, hfov_deg: 120}
-"""
-OF_ROW = """\
-#    place: {x_m: 0, z_m: 0, heading_deg: 0}  # the row's left end, as one faces it; which way it runs to the right
-"""
+TEMPLATE = Path(__file__).with_name("starter.yaml.jinja")
 
 
 def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path, Path]:
@@ -93,40 +44,36 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path
 def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
     """A commented site file for videos, in a folder; with a made-up video where there are none. It is valid as it
     stands."""
-    rows = [_row(name, info, folder) for name, info in zip(_names(len(videos)), videos, strict=True)]
-    made_up = f"  A:\n    passes:\n      - video: aisle.mp4\n{OF_PASS}{OF_ROW}"
-    return HEAD + _plugins() + REFERENCES + ("\n".join(rows) or made_up)
+    from jinja2 import Template  # slow to import
 
-
-def _row(name: str, info: "VideoInfo", folder: Path) -> str:
-    video = os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve())
-    text = json.dumps(video, ensure_ascii=False)
-    what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
-    times = f"        start_s: 0\n        end_s: {int(info.duration_s * 100) / 100:.12g}\n"
-    return f"  {name}:\n    passes:\n      - video: {text}  # {what}\n{times}{OF_PASS}{OF_ROW}"
-
-
-def _names(count: int) -> Iterable[str]:
     letters = string.ascii_uppercase
-    return letters[:count] if count <= len(letters) else [str(number) for number in range(1, count + 1)]
+    names = letters if len(videos) <= len(letters) else map(str, range(1, len(videos) + 1))
+    rows = [(name, *_video_of(info, folder)) for name, info in zip(names, videos, strict=False)]
+    template = Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
+    return template.render(schema=SCHEMA, plugins=_plugins(), rows=rows or [("A", "aisle.mp4", ())])
 
 
-def _plugins() -> str:
-    """The section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that lacks a
-    package or is broken."""
-    lines = ["", "# Which structures to map, with settings for all rows; rows may say otherwise.", "plugins:"]
+def _video_of(info: "VideoInfo", folder: Path) -> tuple[str, Sequence[str]]:
+    """A video in YAML, with what it is, and the keys of its beginning and end."""
+    video = os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve())
+    what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
+    end_s = int(info.duration_s * 100) / 100
+    return f"{json.dumps(video, ensure_ascii=False)}  # {what}", ("start_s: 0", f"end_s: {end_s:.12g}")
+
+
+def _plugins() -> Iterator[str]:
+    """Lines of the section `plugins:` with what every installed plugin lets one set, not in use; nor is a plugin that
+    lacks a package or is broken."""
     plugins = load_installed()
-    lines += [f"#  {name}:  # {reason}" for name, reason in plugins.broken.items()]
+    yield from (f"#  {name}:  # {reason}" for name, reason in plugins.broken.items())
     for name, plugin in plugins.classes.items():
         missing = " and ".join(lacking(plugin))
-        lines.append(f"#  {name}:  # {missing} not installed" if missing else f"  {name}:")
+        yield f"#  {name}:  # {missing} not installed" if missing else f"  {name}:"
         for key, field in plugin.Config.model_fields.items():
             inner = _keys(field.annotation)
             says = " ".join((field.description or "").split()) + (f" Keys: {', '.join(inner)}." if inner else "")
-            lines.append(
-                f"#    {key}: {_value(field.get_default(call_default_factory=True))}" + (f"  # {says}" if says else "")
-            )
-    return "\n".join(lines) + "\n"
+            default = _value(field.get_default(call_default_factory=True))
+            yield f"#    {key}: {default}" + (f"  # {says}" if says else "")
 
 
 def _value(default: object) -> str:
