@@ -4,6 +4,8 @@ another."""
 import re
 from pathlib import Path
 
+from savmap.files.texts import head_of
+
 FORMAT = re.compile(r'"format"\s*:\s*"(savmap-[a-z]+)"')
 KINDS = {
     "savmap-map": "a map",
@@ -29,13 +31,7 @@ def kind_of_text(text: str) -> str:
 
 def kind_of_file(path: Path) -> str:
     """The same of a file, however large; empty where it cannot be read."""
-    try:
-        if not path.is_file():  # reading a pipe would wait
-            return ""
-        with path.open("rb") as stream:
-            return kind_of_text(stream.read(HEAD).decode(errors="replace"))
-    except OSError:
-        return ""
+    return kind_of_text(head_of(path, HEAD).decode(errors="replace"))
 
 
 def _described(name: object) -> str:

@@ -32,6 +32,17 @@ def bounded_bytes(path: Path, most_mb: float = MOST_MB) -> bytes:
     return content
 
 
+def head_of(path: Path, size: int) -> bytes:
+    """The first bytes of a file; none of a device, or where it cannot be read."""
+    try:
+        if not path.is_file():
+            return b""
+        with path.open("rb") as stream:
+            return stream.read(size)
+    except OSError:
+        return b""
+
+
 def is_text(head: bytes) -> bool:
     """Whether the first bytes of a file are those of a text, in whatever encoding: no control characters but those of
     lines, or the mark of UTF-16."""

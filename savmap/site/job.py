@@ -23,6 +23,7 @@ from savmap.site.overrides import Override
 VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
+UNITS_M = {"cm": 0.01, "mm": 0.001}
 SITE_FILE = "site.yaml"
 _received: dict[str, "Job"] = {}
 
@@ -131,23 +132,21 @@ def video_content(video: Path, camera_height_m: float | None, side: str | None) 
     """The content of a site of one row and one pass. Raises SiteError for options out of range."""
     if side not in (None, "left", "right"):
         raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
-    _require_number(camera_height_m)
-    if camera_height_m is not None and not LEAST_HEIGHT_M < camera_height_m < MOST_HEIGHT_M:
-        raise SiteError(f"--camera-height {camera_height_m:g}: metres are expected{_in_metres(camera_height_m)}")
+    if camera_height_m is not None:
+        _require_height(camera_height_m)
     height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
     return {"references": height, "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}}}
 
 
-def _require_number(height: object) -> None:
-    if height is not None and (isinstance(height, bool) or not isinstance(height, Real)):
+def _require_height(height: float) -> None:
+    if isinstance(height, bool) or not isinstance(height, Real):
         raise SiteError(f"camera_height_m: a number of metres is expected, such as 3.05 (it is {SHORT.repr(height)})")
-
-
-def _in_metres(height: float) -> str:
-    for unit, size in (("cm", 0.01), ("mm", 0.001)):
-        if 1 < size * height < 10:
-            return f"; {height:g} {unit} are {size * height:g}"
-    return f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
+    if not LEAST_HEIGHT_M < height < MOST_HEIGHT_M:
+        meant = [
+            f"; {height:g} {unit} are {size * height:g}" for unit, size in UNITS_M.items() if 1 < size * height < 10
+        ]
+        limits = f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
+        raise SiteError(f"--camera-height {height:g}: metres are expected{meant[0] if meant else limits}")
 
 
 def prepare(folder: Path, files: Iterable[Path] = ()) -> None:

@@ -11,7 +11,7 @@ from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
-from savmap.files.texts import bounded_text, is_text
+from savmap.files.texts import bounded_text, head_of, is_text
 from savmap.files.urls import in_folder, likely, on_disk
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
@@ -51,21 +51,10 @@ def is_footage(source: Path) -> bool:
     ending decides where it holds nothing, or nothing that can be opened as a video."""
     if source.is_dir():
         return True
-    head = _head(source)
+    head = head_of(source, HEAD)
     if not head:
         return source.suffix.lower() not in SITE_SUFFIXES
     return not is_text(head) and (source.suffix.lower() not in SITE_SUFFIXES or is_video(source))
-
-
-def _head(path: Path) -> bytes:
-    """The first bytes of a file; none of a device, and where it cannot be read."""
-    try:
-        if not path.is_file():
-            return b""
-        with path.open("rb") as file:
-            return file.read(HEAD)
-    except OSError:
-        return b""
 
 
 def load_site(path: Path, overrides: Iterable[Override] = ()) -> Site:
@@ -207,7 +196,7 @@ def _read(path: Path, what: str) -> str:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
         _require_no_other(path, kind_of_file(path), what)
-        if what == SITE_FILE and (head := _head(path)) and not is_text(head) and is_video(path):
+        if what == SITE_FILE and (head := head_of(path, HEAD)) and not is_text(head) and is_video(path):
             raise SiteError(f"{path}: is a video, not a site file; `savmap init` writes one for it") from None
         if _may_be_anything(path, what):
             raise SiteError(f"{path}: {NEITHER} (it {error})") from None

@@ -50,7 +50,7 @@ def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
     names = letters if len(videos) <= len(letters) else map(str, range(1, len(videos) + 1))
     rows = [(name, *_video_of(info, folder)) for name, info in zip(names, videos, strict=False)]
     template = Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
-    return template.render(schema=SCHEMA, plugins=_plugins(), rows=rows or [("A", "aisle.mp4", ())])
+    return str(template.render(schema=SCHEMA, plugins=_plugins(), rows=rows or [("A", "aisle.mp4", ())]))
 
 
 def _video_of(info: "VideoInfo", folder: Path) -> tuple[str, Sequence[str]]:
