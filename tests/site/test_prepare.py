@@ -35,7 +35,7 @@ def test_a_file_in_a_folders_place_is_refused(out: Path) -> None:
     assert {"stages", "stages/A", "pano", "face", "face/small", "joint"} <= folders
     prepare(out, files)
     assert list(out.iterdir()) == []
-    for folder in folders:
+    for folder in sorted(folders):
         (out / folder).parent.mkdir(parents=True, exist_ok=True)
         (out / folder).touch()
         with pytest.raises(OutputError, match=f"{out / folder}: nothing can be written there: is a file, not a folder"):
