@@ -12,6 +12,8 @@ from savmap.files.urls import is_url
 MB = 1 << 20
 MOST_MB = 64
 """Of a text file: a map of a hundred rows has 10."""
+MOST_VALUES = 8_000_000
+"""Of a JSON file: each takes up to 100 bytes of memory."""
 MOST_NAME, MOST_PATH = 255, 3000
 """Bytes of a file's name, and of a path, which may follow that of a folder: no system takes more than 4096."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
@@ -59,7 +61,10 @@ def bounded_text(path: Path, most_mb: float = MOST_MB) -> str:
 
 
 def json_of(text: str) -> object:
-    """What a JSON text holds. Raises ValueError for numbers that are not finite, and all that JSON does not allow."""
+    """What a JSON text holds. Raises ValueError for too many values, for numbers that are not finite, and for all that
+    JSON does not allow."""
+    if (values := sum(map(text.count, ",[{"))) > MOST_VALUES:
+        raise ValueError(f"it holds {values} values; at most {MOST_VALUES} are read")
     try:
         content: object = json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:

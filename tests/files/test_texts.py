@@ -18,6 +18,7 @@ from savmap.files.atomic import file_name, read_json, read_text
         ('{"a": ' + "9" * 5000 + "}", "is too large"),
         ('{"a": NaN}', "NaN is not a number"),
         ('{"a": -Infinity}', "-Infinity is not a number"),
+        ("[" + "0," * 8_000_001 + "0]", "values; at most 8000000 are read"),
     ],
 )
 def test_json_is_bounded(tmp_path: Path, content: str, problem: str) -> None:
