@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from savmap.errors import OutputError, VideoError
+from savmap.files.yaml_text import load
 from savmap.site.load import load_site
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
@@ -85,7 +86,7 @@ def written(folder: Path) -> Path:
 
 def test_many_videos_are_numbered(tmp_path: Path) -> None:
     info = probe(EXAMPLE)
-    assert list(Site.model_validate(yaml.safe_load(starter_text([info] * 30, tmp_path))).rows)[-1] == "30"
+    assert list(Site.model_validate(load(starter_text([info] * 30, tmp_path))).rows)[-1] == "30"
 
 
 def test_nothing_is_overwritten_unasked(tmp_path: Path) -> None:
