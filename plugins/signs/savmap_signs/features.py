@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry.sphere import panorama_pixels_from_rays
+from savmap.plugin import touches_border
 from savmap.types import Detection, Feature, FilmedPanorama, Floats, Panorama, View, ViewSpec
 
 PARTS = ("upper left", "upper right", "lower right", "lower left")
@@ -22,7 +23,6 @@ Mask = NDArray[np.bool_]
 # Masks, in pixels of the view
 LEAST_SIDE_PX = 5.0  # of a quadrilateral
 LEAST_FILLED_SHARE = 0.8  # of a quadrilateral by its mask
-BORDER_PX = 2  # a mask this close to the picture's border is cut
 
 # Sides, measured in the rectified sign
 OVERSAMPLING, MARGIN_SHARE = 2.0, 0.35  # of the panorama's pixels; of the sign's shorter side
@@ -80,7 +80,7 @@ def _sign_features(
 def quad_of_mask(mask: Mask) -> Floats | None:
     """Corners (4, 2) px of a mask (h, w), clockwise from the upper left; None if the picture's border cuts the mask, if
     it is tiny, or if it is not a quadrilateral."""
-    if _touches_border(mask):
+    if touches_border(mask):
         return None
     contours, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(contours, key=cv2.contourArea)
@@ -88,17 +88,12 @@ def quad_of_mask(mask: Mask) -> Floats | None:
     area = float(cv2.contourArea(corners.astype(np.float32)))
     if _side_lengths(corners).min() < LEAST_SIDE_PX or mask.sum() < LEAST_FILLED_SHARE * area:
         return None
-    return _clockwise(_padded(corners))
-
-
-def _touches_border(mask: Mask) -> bool:
-    inner = mask[BORDER_PX:-BORDER_PX, BORDER_PX:-BORDER_PX]
-    return bool(np.count_nonzero(inner) < np.count_nonzero(mask))
+    # from the centres of the outermost pixels to their outer borders
+    return _clockwise(corners + 0.5 * np.sign(corners - corners.mean(axis=0)))
 
 
 def _hull_corners(hull: NDArray[np.int32]) -> Floats:
-    """Four corners (4, 2) of a convex hull: of its simplest approximation that has four, else of the smallest rectangle
-    around it."""
+    """Of its simplest approximation that has four corners (4, 2), else of the smallest rectangle around it."""
     perimeter = cv2.arcLength(hull, True)
     for share in np.arange(0.02, 0.12, 0.01):
         polygon = cv2.approxPolyDP(hull, share * perimeter, True)
@@ -107,12 +102,6 @@ def _hull_corners(hull: NDArray[np.int32]) -> Floats:
         if len(polygon) < 4:
             break
     return np.asarray(cv2.boxPoints(cv2.minAreaRect(hull)), np.float64)
-
-
-def _padded(corners: Floats) -> Floats:
-    """Moved half a pixel outwards: from the centres of the outermost pixels to their outer borders."""
-    padded: Floats = corners + 0.5 * np.sign(corners - corners.mean(axis=0))
-    return padded
 
 
 def _clockwise(corners: Floats) -> Floats:

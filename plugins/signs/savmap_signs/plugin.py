@@ -66,8 +66,10 @@ class Signs:
         rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
         interval = self.config.every or pass_preview.frame_step()
         directions = FACE_VIEWS_DEG | (AISLE_VIEWS_DEG if self.config.along else {})
+        turns = {name: rig_from_view(yaw, pitch, 0.0) for name, (yaw, pitch) in directions.items()}
         specs = [
-            _view_spec(name, rig_from_world @ LEVEL, yaw, pitch, interval) for name, (yaw, pitch) in directions.items()
+            ViewSpec(name, *angles_from_rotation(rig_from_world @ LEVEL @ turn), hfov_deg=HFOV_DEG, every=interval)
+            for name, turn in turns.items()
         ]
         note = missing_packages_note() if self.config.read else None
         return ViewPlan(
@@ -126,9 +128,3 @@ class Signs:
         from savmap_signs.evaluation import draw
 
         return draw(structures, survey, deviations)
-
-
-def _view_spec(name: str, rig_from_face: Floats, yaw_deg: float, pitch_deg: float, interval: int) -> ViewSpec:
-    """A view turned from the level view straight at the face."""
-    angles = angles_from_rotation(rig_from_face @ rig_from_view(yaw_deg, pitch_deg, 0.0))
-    return ViewSpec(name, *angles, hfov_deg=HFOV_DEG, every=interval)

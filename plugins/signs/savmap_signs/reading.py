@@ -67,7 +67,11 @@ def read(panorama: Panorama, spec: ViewSpec, corners: Floats) -> Mapping[str, fl
 def read_codes(image: Grey) -> dict[str, float]:
     """Readings of the codes in a grey picture (h, w)."""
     barcodes = importlib.import_module("zxingcpp").read_barcodes(image)
-    names = [f"{_format_name(barcode)}:{barcode.text}" for barcode in barcodes if barcode.valid and barcode.text]
+    names = [
+        f"{str(barcode.format).rpartition('.')[2].replace(' ', '')}:{barcode.text}"
+        for barcode in barcodes
+        if barcode.valid and barcode.text
+    ]
     _, tags, _ = _tag_detector().detectMarkers(image)
     names += [f"{APRIL_TAG}:{int(number)}" for number in (tags if tags is not None else ())]
     return dict.fromkeys(names, CODE_CONFIDENCE)
@@ -88,10 +92,6 @@ def read_text(image: Grey) -> dict[str, float]:
         return {}
     text = " ".join(text for _, _, text, _ in sorted(lines))
     return {f"{TEXT}:{text}": round(min(score for *_, score in lines), 4)}
-
-
-def _format_name(barcode: Any) -> str:
-    return str(barcode.format).rpartition(".")[2].replace(" ", "")
 
 
 @cache
@@ -142,8 +142,7 @@ def vote(readings: Iterable[Mapping[str, float]], pattern: str | None, least_con
 
 
 def _matching_text(text: str, pattern: str | None) -> str | None:
-    """The part of a text that the pattern matches: the whole, the whole without spaces, or a word; None if there is
-    none."""
+    """The part of a text that the pattern matches: the whole, the whole without spaces, or a word."""
     if pattern is None:
         return text
     candidates = (text, text.replace(" ", ""), *text.split())

@@ -85,7 +85,13 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     """The row's slots in the world's frame; in the row's own if it has no place there: neither among other rows nor,
     being alone, by the alignment."""
     bays = bays_of(row.structures.get(plugin, ()), row.joint, plugin)
-    signs = [part for name, group in row.structures.items() if name != plugin for part in group if _is_sign(part)]
+    signs = [
+        part
+        for name, group in row.structures.items()
+        if name != plugin
+        for part in group
+        if part.attributes.get("text") and "bay" in part.attributes
+    ]
     placement = site.placements.get(row.name)
     alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
     is_placed = placement is not None or alignment is not None
@@ -186,13 +192,12 @@ def gap(
     start, end = edge(first[0], axis, first[1]), edge(second[0], axis, second[1])
     if joint is None:
         return Measured(end.value - start.value, float(np.hypot(start.sigma, end.sigma)))
-    ends = [(plugin, structure, _vertex_on(structure, side)) for structure, side in (first, second)]
+    ends = [
+        (plugin, structure, next(k for k, label in enumerate(structure.vertex_labels) if side in label.split()))
+        for structure, side in (first, second)
+    ]
     variance = joint.of_difference(ends[0], ends[1])[axis, axis]
     return Measured(end.value - start.value, float(np.sqrt(max(variance, 0.0))))
-
-
-def _vertex_on(structure: Structure, side: str) -> int:
-    return next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
 
 
 def _slots_of_bay(
@@ -200,7 +205,7 @@ def _slots_of_bay(
 ) -> Iterator[Slot]:
     """The openings of a bay from the floor up, in the row's frame. `said`: what speaks against structures, by id."""
     here = sorted((part for part in signs if part.attributes["bay"] == f"bay {bay.number}"), key=_middle_x)
-    at_bay = tuple(_text(part) for part in here if not _between_uprights(part, bay))
+    at_bay = tuple(str(part.attributes["text"]) for part in here if not _between_uprights(part, bay))
     for opening in openings_of(bay, row.joint, plugin):
         centre, covariance = _centre(bay, opening.floor, opening.roof or opening.floor)
         inside = [part for part in here if _between_uprights(part, bay) and _level(part, bay) == opening.level]
@@ -210,7 +215,7 @@ def _slots_of_bay(
             "row",
             bay.number,
             opening.level,
-            tuple(_text(part) for part in inside),
+            tuple(str(part.attributes["text"]) for part in inside),
             at_bay,
             centre,
             covariance,
@@ -230,14 +235,6 @@ def _centre(bay: Bay, floor: Measured, roof: Measured) -> tuple[Floats, Floats]:
     middle = np.array([(first.value + second.value) / 2 for first, second in sides])
     sigmas = [np.hypot(first.sigma, second.sigma) / 2 for first, second in sides[:2]]
     return middle, np.diag(np.square([*sigmas, bay.face.sigma]))
-
-
-def _is_sign(structure: Structure) -> bool:
-    return bool(structure.attributes.get("text")) and "bay" in structure.attributes
-
-
-def _text(sign: Structure) -> str:
-    return str(sign.attributes["text"])
 
 
 def _middle_x(sign: Structure) -> float:
@@ -285,14 +282,12 @@ def places(
     its beam. A bay is also called a bay. Clear widths and heights are among the attributes, as the slots have them;
     what is not known is not there. `assumed`: "clear height assumed"."""
     bays = bays_of(structures, joint, plugin)
-    return [place for bay in bays for place in (_bay_structure(bay), *_level_structures(bay, joint, plugin))]
+    return [place for bay in bays for place in _bay_places(bay, joint, plugin)]
 
 
-def _bay_structure(bay: Bay) -> Structure:
-    return _between_heights(f"bay {bay.number}", "bay", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
-
-
-def _level_structures(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Structure]:
+def _bay_places(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterator[Structure]:
+    """A bay and its levels."""
+    yield _between_heights(f"bay {bay.number}", "bay", bay, FLOOR, edge(bay.beams[-1], 1, "upper"), {})
     for opening in openings_of(bay, joint, plugin):
         name = f"bay {bay.number} / level {opening.level}"
         more: dict[str, Attribute] = {"level": opening.level}
@@ -313,7 +308,9 @@ def _between_heights(
 
 
 def _opening_structure(bay: Bay, opening: Opening, roof: Measured) -> Structure:
-    xs = bay.extent if bay.clear_width else (_middle_of(*bay.extent),)
+    left, right = bay.extent
+    middle = Measured((left.value + right.value) / 2, float(np.hypot(left.sigma, right.sigma)) / 2)
+    xs = bay.extent if bay.clear_width else (middle,)
     name, label = f"bay {bay.number} / opening {opening.level}", "opening" if opening.level else FLOOR_OPENING
     attributes: dict[str, Attribute] = {"bay": bay.number, "level": opening.level}
     return _structure(name, label, xs, (opening.floor, roof), bay.face, attributes)
@@ -339,7 +336,3 @@ def _structure(
         edges,
         attributes,
     )
-
-
-def _middle_of(left: Measured, right: Measured) -> Measured:
-    return Measured((left.value + right.value) / 2, float(np.hypot(left.sigma, right.sigma)) / 2)
