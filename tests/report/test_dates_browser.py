@@ -61,7 +61,7 @@ def test_changes_are_coloured_and_listed_with_amount_and_sigma(opened: Open) -> 
     assert page.evaluate("savmapViewer.selection.elements.map((one) => one.date)") == ["new", "old"]
 
 
-def test_switch_search_and_distance_know_both_dates(opened: Open) -> None:
+def test_switch_distance_and_search_know_both_dates(opened: Open) -> None:
     page = opened(both(), "#A/post 9")
     drawn = "Object.values(savmapViewer.model.rows[0].dates).map((date) => date.group.visible)"
     counts = {}
@@ -72,6 +72,13 @@ def test_switch_search_and_distance_know_both_dates(opened: Open) -> None:
     page.keyboard.press("d")
     assert page.get_attribute("[data-dates=both]", "aria-pressed") == "true"
     page.keyboard.press("n")  # names go, and nothing breaks
+    page.keyboard.press("m")
+    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "bay 3 / beam 3" && one.date === date));
+        for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
+    until(page, "savmapViewer.ruler.result")
+    assert "two dates" in page.inner_text("#measured-how")
+    assert 0.02 < page.evaluate("savmapViewer.ruler.result.distance") < 0.04
+    page.keyboard.press("m")
     page.locator("[data-dates=new]").click()
     page.fill("#search", "bay 2 / beam 3")
     page.keyboard.press("Enter")
@@ -79,12 +86,6 @@ def test_switch_search_and_distance_know_both_dates(opened: Open) -> None:
     assert "old date" in page.inner_text("#selection")
     assert page.evaluate("savmapViewer.site.showing") == "both"  # it is not on the new one
     assert page.evaluate("decodeURI(location.hash)") == "#A/old date/bay 2 / beam 3"
-    page.keyboard.press("m")
-    page.evaluate("""() => { const [a, b] = ["new", "old"].map((date) => savmapViewer.site.elements.find((one) => one.id === "bay 3 / beam 3" && one.date === date));
-        for (const one of [a, b]) savmapViewer.ruler.add({row: one.row, vertex: one.first}); }""")
-    until(page, "savmapViewer.ruler.result")
-    assert "two dates" in page.inner_text("#measured-how")
-    assert 0.02 < page.evaluate("savmapViewer.ruler.result.distance") < 0.04
 
 
 def test_address_names_an_element_of_the_old_date(opened: Open) -> None:

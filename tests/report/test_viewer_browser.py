@@ -306,7 +306,7 @@ def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
     assert [round(value, 6) for value in ahead[1]] == [0, 1, 0]
 
 
-def test_doubts_lead_to_what_they_name_and_keys_work(opened: Open) -> None:
+def test_doubts_lead_to_what_they_name(opened: Open) -> None:
     page = opened(one_row())
     assert page.input_value("#mode") == "verdict"
     assert "nothing checks the length" not in page.inner_text("#doubts")
@@ -314,7 +314,10 @@ def test_doubts_lead_to_what_they_name_and_keys_work(opened: Open) -> None:
     assert "nothing checks the length" in page.inner_text("#doubts")
     page.locator("#doubts button").click()
     assert selected(page) == "bay 1 / bar 2"
-    page.keyboard.press("Escape")
+
+
+def test_keys_and_help(opened: Open) -> None:
+    page = opened(one_row())
     for key in "ssuuknnccf":
         page.keyboard.press(key)
     page.keyboard.press("?")
