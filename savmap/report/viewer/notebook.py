@@ -1,7 +1,6 @@
 """A map in a notebook: a table of its rows with a picture of each face, and the viewer in a frame."""
 
 import base64
-import html
 import sys
 import webbrowser
 from collections.abc import Iterator, Mapping, Sequence
@@ -49,13 +48,7 @@ class MapView:
         if self._server is None:
             self._server = ViewServer(self.page)
             Thread(target=self._server.run, daemon=True).start()
-        return (
-            f'<iframe src="{html.escape(self._server.frame_address)}" title="savmap viewer" width="100%" '
-            f'height="{FRAME_PX}" style="border: 1px solid #ccc" allow="fullscreen; clipboard-write"></iframe>\n'
-            f'<p><small>Shown while this kernel runs; <a href="{self._server.address}" target="_blank" rel="noopener">'
-            "in a tab of its own</a>. Where the kernel is on another machine, copy "
-            f"<code>{html.escape(str(self.page))}</code> from there.</small></p>"
-        )
+        return rendered("frame.html.jinja", view=self._server, height=FRAME_PX, page=self.page)
 
 
 def in_notebook() -> bool:
