@@ -34,7 +34,7 @@ from savmap.report.evaluation import mean_absolute_error
 from savmap.site.job import job_for
 from savmap.types import Score, Track
 from savmap_shelves.constraints import GridSettings, constrain, published
-from savmap_shelves.constraints.bias import NO_BIAS
+from savmap_shelves.constraints.constrain import NO_BIAS
 from savmap_shelves.mapping import describe
 from savmap_shelves.report.evaluation import evaluate
 

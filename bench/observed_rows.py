@@ -31,7 +31,7 @@ from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.constraints.bias import BiasSettings
+from savmap_shelves.constraints.constrain import BiasSettings
 from savmap_shelves.lab.observed import observe, observed_features
 from savmap_shelves.mapping import describe
 from savmap_shelves.report.evaluation import evaluate

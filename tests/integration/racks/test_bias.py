@@ -9,7 +9,7 @@ import pytest
 from savmap.graph import PUBLISHED, KnownLength, SolveOptions, camera_priors, merge, solve
 from savmap.types import Track
 from savmap_shelves.constraints import GridSettings, constrain, published
-from savmap_shelves.constraints.bias import NO_BIAS, BiasSettings, mask_biases
+from savmap_shelves.constraints.constrain import NO_BIAS, BiasSettings, mask_biases
 
 BIAS_PX = 0.8
 

@@ -10,7 +10,7 @@ from savmap.errors import SolveError
 from savmap.graph import Solution, camera_priors, merge, solve
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings, constrain
-from savmap_shelves.constraints.bias import BiasSettings
+from savmap_shelves.constraints.constrain import BiasSettings
 from savmap_shelves.constraints.sharing import APART, share_edges
 
 
