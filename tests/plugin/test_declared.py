@@ -1,4 +1,5 @@
-"""What a plugin declares and is given, so that it need not write it out: the path it needs, its keys, its landmarks, floats, sigmas."""
+"""What a plugin declares and is given, so that it need not write it out: the path it needs, its keys, its landmarks,
+sigmas."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,13 +14,11 @@ from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, Tra
 from savmap.pipeline.row import measure, track
 from savmap.plugin.manager import LoadedPlugin
 from savmap.report.page.uncertainty import _hint
-from savmap.types import FrameTable, Measured, RowMap, SiteMap, Structure, Track, Trajectory
+from savmap.types import FrameTable, Measured, RowMap, SiteMap, Structure, Trajectory
 from savmap.types.progress import SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
-from .made_up_plugin import FACTS, PATH, loaded
-
-TRACK = Track("thing 1", "thing", {"at_m": 1.25}, np.zeros(1, np.int64), ("view",), np.ones((1, 2)), np.eye(2)[None])
+from .made_up_plugin import FACTS, PATH, SOLVED, loaded
 
 
 def asked_to_track(plugin: LoadedPlugin, path: Trajectory | None) -> TrackedRow:
@@ -75,11 +74,6 @@ def test_describe_is_given_the_plugins_own_landmarks() -> None:
     assert given == [{"thing 1": landmark}]
 
 
-def test_a_tracks_place_may_be_a_float() -> None:
-    tracks = loaded(track=lambda self: [TRACK]).track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH)
-    assert tracks[0].place["at_m"] == 1.25
-
-
 def thing(**attributes: Any) -> Structure:
     return Structure(
         "thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.empty((0, 2), np.int64), attributes
@@ -88,7 +82,7 @@ def thing(**attributes: Any) -> Structure:
 
 def test_an_attribute_with_a_sigma_is_written_and_read() -> None:
     described = loaded(describe=lambda self: [thing(height_m=Measured(2.5, 0.01), number=3)])
-    (structure,) = described.describe([], FACTS, type("Solved", (), {"landmarks_of": lambda self, name: {}})())
+    (structure,) = described.describe([], FACTS, SOLVED)
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, empty_path(), {"made-up": (structure,)}, ())
     text = map_text(SiteMap({"A": row}, {}))
     assert '"height_m": {\n        "sigma": 0.01,\n        "value": 2.5\n       }' in text
@@ -106,4 +100,4 @@ def empty_path() -> Trajectory:
 def test_a_sigma_that_cannot_be_is_a_fault_of_the_plugin(value: float, sigma: float) -> None:
     plugin = loaded(describe=lambda self: [thing(height_m=Measured(value, sigma))])
     with pytest.raises(PluginError, match="plugin `made-up` failed in `describe`: ValueError: Measured: "):
-        plugin.describe([], FACTS, type("Solved", (), {"landmarks_of": lambda self, name: {}})())
+        plugin.describe([], FACTS, SOLVED)

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,9 @@ import pytest
 from savmap.errors import PluginError, PluginFailedError, SiteError
 from savmap.plugin import manager
 from savmap.plugin.manager import open_plugin
-from savmap.types import CrossRowLandmark, Panorama, Structure, View
+from savmap.types import View
 
 from .made_up_plugin import VIEW, loaded
-
-
-def test_a_misspelt_hook_is_refused() -> None:
-    with pytest.raises(PluginError, match="made-up"):
-        loaded(extract_feature=lambda self, view: [])
 
 
 def test_a_plugin_that_raises_is_named() -> None:
@@ -30,13 +24,6 @@ def test_a_plugin_that_raises_is_named() -> None:
     with pytest.raises(
         PluginError, match=r"`made-up` failed in `extract_features` at frame 3 of view: ZeroDivisionError: oh"
     ):
-        plugin.extract_features(VIEW, [], None)
-
-
-@pytest.mark.parametrize("answer", [None, 3, ["x"]])
-def test_a_wrong_answer_is_named(answer: object) -> None:
-    plugin = loaded(extract_features=lambda self, view: answer)
-    with pytest.raises(PluginError, match=r"`made-up` returned .* from `extract_features`"):
         plugin.extract_features(VIEW, [], None)
 
 
@@ -98,37 +85,12 @@ def test_what_is_drawn_is_checked() -> None:
         plugin.draw([], None, {})
 
 
-def test_what_is_shared_with_other_rows_is_checked_and_nothing_by_default() -> None:
-    assert loaded().cross_row_landmarks([]) == []
-    thing = CrossRowLandmark("post 1", "post", np.zeros(3), np.eye(3), ("x",), 1.5)
-    post = Structure("post 1", "post", np.zeros((1, 3)), np.eye(3)[None], ("foot",), np.zeros((0, 2), np.int64))
-    assert loaded(cross_row_landmarks=lambda self: [thing]).cross_row_landmarks([post]) == [thing]
-    plugin = loaded(cross_row_landmarks=lambda self, structures: ["post"])
-    with pytest.raises(PluginError, match="a str from `cross_row_landmarks`, not CrossRowLandmark"):
-        plugin.cross_row_landmarks([])
-
-
 def test_a_plugin_answers_for_itself_alone() -> None:
     first = loaded(extract_features=lambda self, view: [])
     second = loaded()
     assert first.extract_features(VIEW, [], None) == []
     with pytest.raises(PluginError):
         second.extract_features(VIEW, [], None)
-
-
-def test_extraction_is_given_the_panorama_if_it_asks_for_it() -> None:
-    given: list[object] = []
-
-    def extract_features(self: object, panorama: object) -> list[Any]:
-        given.append(panorama)
-        return []
-
-    panorama = Panorama(0, 0.0, np.zeros((8, 16, 3), dtype=np.uint8))
-    plugin = loaded(extract_features=extract_features)
-    plugin.extract_features(VIEW, [], panorama)
-    plugin.extract_features(VIEW, [], None)
-    assert given[0] is panorama
-    assert given[1] is None
 
 
 def test_an_unknown_plugin_gets_the_nearest_name() -> None:
@@ -147,16 +109,3 @@ def test_only_named_plugins_are_imported() -> None:
     code = "import sys; from savmap.plugin.manager import open_plugin; open_plugin('shelves', {}); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
     assert {name for name in manager.installed() if f"savmap_{name}" in loaded} == {"shelves"}
-
-
-def test_structures_may_be_related_to_what_others_mapped() -> None:
-    point = Structure(
-        "thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("middle",), np.zeros((0, 2), dtype=np.int64)
-    )
-
-    def relate(self: Any, structures: Any, others: Any) -> list[Structure]:
-        return [replace(own, attributes={"others": len(others["rack"])}) for own in structures]
-
-    assert loaded().relate([point], {"rack": [point]}) == [point]
-    (related,) = loaded(relate=relate).relate([point], {"rack": [point]})
-    assert related.attributes == {"others": 1}
