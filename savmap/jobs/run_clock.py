@@ -116,17 +116,12 @@ class RunClock:
                 if stage != MEASURED or row.ended == row.passes:  # with a second look there is no telling
                     self._seen[stage].append(spent_s / row.at_once)
             row.stage = ""
-            self._drop(row, stage)
+        self.skip(name, stage)
 
     def skip(self, name: str, *stages: str) -> None:
         """Stages of a row that are not done: an earlier run did, or the row failed."""
         with self._lock:
-            for stage in stages:
-                self._drop(self.rows[name], stage)
-
-    def _drop(self, row: _Row, stage: str) -> None:
-        if stage in row.stages:
-            row.stages.remove(stage)
+            self.rows[name].stages = [stage for stage in self.rows[name].stages if stage not in stages]
 
     def left_s(self, workers: int) -> float | None:
         """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones

@@ -1,7 +1,6 @@
 """How long a run will take: told from frames and stages that were done, and right to a third."""
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from itertools import islice
 
 import pytest
@@ -119,41 +118,14 @@ def test_work_for_one_core_takes_the_processor_s_time() -> None:
     assert FrameCost.of([(0.0, 0.0), (1.0, 0.6), (2.0, 1.2)]) == FrameCost(1.0, 1.0)
 
 
-A_AND_B = {"A": (19.3, 0.656, 33.6, 2.4), "B": (18.2, 0.915, 36.6, 3.4)}
-SOLVED_S, DRAWN_S = 51.2, 3.3
-"""What rows A and B of the demo's aisle took in an earlier run: choosing the views, each of 100 frames, what follows these, and the orthophoto, in the
-processor's seconds; the solve of both, and the files."""
-
-
-@pytest.mark.parametrize("share", [0.2, 0.4, 0.6, 0.8])
-def test_a_run_of_two_rows_as_they_were_is_told_to_a_third(share: float, machine: Machine) -> None:
-    """Each row in a process with a core of its own; they are solved together."""
-    end = 18.2 + 91.5 + 36.6 + SOLVED_S + 3.4 + DRAWN_S
-    clock = RunClock(dict.fromkeys("AB", (100, 1)), ["AB"], SilentMonitor(), pictures=True)
-    told: list[float] = []
-
-    def until(moment: float) -> None:
-        if machine.now < share * end <= moment:
-            machine.now = share * end
-            told.append(clock.left_s(2) or 0.0)
-        machine.now = machine.processor = moment
-
-    events: list[tuple[float, Callable[[], object]]] = []
-    for name, (plan_s, frame_s, after_s, _) in A_AND_B.items():
-        steps = clock.task(("measured", (name,)), lambda: machine.now).each(range(100), "measuring", 100)
-        events += [(plan_s + number * frame_s, partial(next, steps, None)) for number in range(101)]
-        events.append((plan_s + 100 * frame_s + after_s, partial(clock.end, "measured", name)))
-    for moment, event in sorted(events, key=lambda one: one[0]):
-        until(moment)
-        event()
-    clock.task(("solved", ("A", "B")), lambda: machine.now)
-    until(machine.now + SOLVED_S)
+def test_rows_that_are_solved_together_take_one_worker(machine: Machine) -> None:
+    clock = RunClock(dict.fromkeys("AB", (100, 1)), ["AB"], SilentMonitor(), pictures=False)
     for name in "AB":
-        clock.end("solved", name)
-        clock.task(("pictured", (name,)), lambda: machine.now)
-    until(end - DRAWN_S)
-    until(end)
-    assert told[0] == pytest.approx((1 - share) * end, rel=1 / 3)
+        for _ in clock.task(("measured", (name,)), lambda: machine.processor).each(range(100), "measuring", 100):
+            machine.work(FRAME_S)
+        clock.end("measured", name)
+    shares = run_clock.SHARES["solved"] + run_clock.DRAWN
+    assert clock.left_s(2) == pytest.approx(200 * shares * FRAME_S, rel=0.05)
 
 
 def test_frames_that_were_kept_tell_nothing_of_the_others(machine: Machine) -> None:

@@ -1,26 +1,19 @@
 """The floor on its way from the pictures to the solve: the camera's height alone gives the scale, whatever hides the feet of what stands on it."""
 
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 from savmap import graph
 from savmap.errors import SolveError
 from savmap.graph import CameraHeight, References, camera_priors
 from savmap.graph.factors.scene import FLOOR_REFERENCE, without_presumed
-from savmap.pipeline import cutting
-from savmap.pipeline.cutting import FloorCutter
 from savmap.pipeline.records import LocatedRow, PosedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
-from savmap.pipeline.view_plans import PassPlan
-from savmap.types import Panorama, Trajectory, ViewPlan, ViewSpec
+from savmap.types import Trajectory
 from savmap.types.progress import SilentMonitor
-from savmap.video.reader import Clip, VideoInfo
-from savmap.vision.evidence import FloorTracks, PackedView
+from savmap.vision.evidence import FloorTracks
 from savmap.vision.markers import MarkerTracks
-from savmap.vision.views import Renderer
 
 from ..graph import made_up_wall as made
 
@@ -71,32 +64,3 @@ def test_what_a_plugin_takes_for_granted_of_heights_gives_way() -> None:
     assert left.relations == (seen, along)
     assert set(part.keys) - set(left.keys) == set(part.initial) - set(left.initial) == {"floor 2"}
     assert second not in left.measurements.keys
-
-
-@pytest.mark.parametrize(("every", "kept"), [(1, [0, 5, 10]), (4, [0, 8])])
-def test_the_floor_is_kept_of_frames_in_which_the_face_is_looked_at(
-    every: int, kept: list[int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cutting, "probe", lambda path, fps: VideoInfo(path, 200, 100, "h264", "yuv420p", 30.0, 10.0))
-    monkeypatch.setattr(cutting, "expected_frames", lambda clip, info: 1000)
-    face = ViewSpec("face", 0.0, every=every)
-    plan = PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan((face,), world_from_rig=made.LEVEL)})
-    cutter = FloorCutter(Renderer())
-    cutter.begin(plan, "one")
-    image = np.full((100, 200, 3), 40, np.uint8)
-    image[50:] = 200  # below the horizon
-    cuts = [cut for frame in range(11) for cut in cutter.cut(Panorama(frame, frame / 10, image))]
-    (spec,) = cutter.views.values()
-    right, _, forward = (made.LEVEL @ spec.rig_from_view).T
-    assert right == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
-    assert forward == pytest.approx([0.0, -np.sin(np.radians(50)), -np.cos(np.radians(50))], abs=1e-9)
-    assert [cut.frame for cut in cuts] == kept
-    assert isinstance(cuts[0], PackedView)
-    assert np.median(cuts[0].grey()) == pytest.approx(200, abs=3)
-
-
-def test_nothing_is_kept_where_no_face_was_found() -> None:
-    cutter = FloorCutter(Renderer())
-    cutter.begin(PassPlan("pass 1", Clip(Path("drive.mp4"), fps=10), {"one": ViewPlan(())}), "one")
-    assert cutter.cut(Panorama(0, 0.0, np.zeros((100, 200, 3), np.uint8))) == []
-    assert not cutter.views

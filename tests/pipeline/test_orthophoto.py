@@ -10,8 +10,8 @@ import pytest
 
 from savmap.geometry import sphere
 from savmap.pipeline import cutting
-from savmap.pipeline.cutting import FaceStrips, strip_views
-from savmap.pipeline.orthophoto import gains, orthophoto, shots_of
+from savmap.pipeline.cutting import FaceStrips
+from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Strip, Trajectory, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, VideoInfo
@@ -111,13 +111,6 @@ def test_dark_frames_are_as_bright_as_their_neighbours() -> None:
     assert np.percentile(ground, 98) - np.percentile(ground, 2) < 4
 
 
-def test_gains_of_even_frames_are_one() -> None:
-    from savmap.pipeline.orthophoto import Canvas
-
-    shots = list(shots_of(FACE, cut(), PATH))
-    assert gains(Canvas.over(FACE, 0.01), shots) == pytest.approx(1.0, abs=0.02)
-
-
 def test_part_that_no_frame_shows_is_left_out() -> None:
     far = PlanePatch("face", FACE.origin, FACE.right, FACE.up, np.array([30.0, 2.0]), 0.02)
     photo = orthophoto(far, cut(), PATH)
@@ -143,23 +136,3 @@ def test_nothing_is_made_of_frames_without_a_pose() -> None:
 def test_nothing_is_made_of_a_face_out_of_sight() -> None:
     behind = PlanePatch("face", np.array([50.0, 0, 0]), FACE.right, FACE.up, FACE.size, 0.02)
     assert orthophoto(behind, cut(), PATH) is None
-
-
-def test_strips_are_narrow_and_as_fine_as_the_panorama(monkeypatch: pytest.MonkeyPatch) -> None:
-    (spec,) = strip_views(PLAN, "one")
-    assert spec.hfov_deg == pytest.approx(cutting.STRIP_HFOV_DEG, abs=0.5)
-    assert spec.camera[0, 0] == pytest.approx(HEIGHT / np.pi, rel=0.01)
-    assert spec.height == pytest.approx(2 * HEIGHT / np.pi * np.tan(np.radians(60)), abs=1)
-    assert not list(strip_views(PLAN, "two"))
-
-
-def test_strips_of_a_long_pass_are_as_many_as_are_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cutting, "expected_frames", lambda clip, info: 1000)
-    (spec,) = strip_views(PLAN, "one")
-    assert spec.every == 5
-
-
-def test_nobodys_face_is_not_cut() -> None:
-    cutter = FaceStrips(Renderer())
-    cutter.begin(PLAN, None)
-    assert cutter.cut(panorama(0)) == []
