@@ -31,9 +31,9 @@ from savmap.graph.solver.judgement.contradictions import UNCHECKED
 from savmap.graph.solver.judgement.reference_tests import tested_keys
 from savmap.graph.solver.levenberg_marquardt import (
     KeyPosition,
-    LevenbergMarquardt,
     aisle_positions,
     hub_keys,
+    minimum,
     ordering_of,
 )
 from savmap.graph.solver.optimise import (
@@ -147,7 +147,7 @@ class JointRows:
         begin = [replace(iterate, problem=problem) for iterate, problem in zip(self.iterates, problems, strict=True)]
         values = self._begin(begin)
         graph = self._graph(begin, values, robust=True)
-        values = LevenbergMarquardt(self._names, self._order(begin, values)).minimum(graph, values)
+        values = minimum(self._names, self._order(begin, values), graph, values)
         moved = [
             replace(_moved(iterate, values, row), problem=problem)
             for row, (iterate, problem) in enumerate(zip(self.iterates, problems, strict=True))

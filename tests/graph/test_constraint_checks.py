@@ -87,7 +87,6 @@ REFUSED = {
     r"gives a Jacobian by p\d+ that is not finite": given(np.full((3, 3), np.inf)),
     r"gives no Jacobian by p\d+, where \(3, 3\) is expected": given(None),
     r"gives a Jacobian \(2, 2\) by p\d+, not \(3, 3\)": given(np.eye(2)),
-    r"gives a Jacobian \(3, 6\) by p\d+, not \(3, 3\)": given(np.zeros((3, 6))),
     r"gives a Jacobian \(3, 3\) by x0, not \(3, 6\)": custom(swapped, frame_key(0), CORNER),
     r"gives 2 errors, but its noise model has dimension 3": given(np.zeros((2, 3)), (0.0, 0.0)),
     r"gives 2 Jacobians for 1 variables": custom(one_too_many),

@@ -79,17 +79,6 @@ class Start:
         return tuple(Doubt("support", what, action=action, details=(note,)) for note in self.notes)
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """Given poses (f, 4, 4) and points (m, 3), and the linear start's camera positions (f, 3) and points' `positions`
-    (m, 3), up to scale and shift."""
-
-    poses: Floats
-    points: Floats
-    cameras: Floats
-    positions: Floats
-
-
 def starts(problem: Problem, kind: str) -> list[Start]:
     """A start of the solve for each choice of alternatives; `kind` is "linear" or "published".
 
@@ -97,12 +86,11 @@ def starts(problem: Problem, kind: str) -> list[Start]:
     """
     poses, points = first_poses(problem), first_points(problem)
     measured = len(problem.measurements) > 0
-    cameras, positions = linear_positions(problem, poses, points) if measured else (poses[:, :3, 3], points)
-    scene = Scene(poses, points, cameras, positions)
+    linear = linear_positions(problem, poses, points) if measured else (poses[:, :3, 3], points)
     begins, errors = list[Start](), list[SolveError]()
-    for choice, names in consistent_alternatives(problem, scene.cameras, scene.positions):
+    for choice, names in consistent_alternatives(problem, *linear):
         try:
-            begins.append(_start(choice, names, kind, scene))
+            begins.append(_start(choice, names, kind, (poses, points), linear))
         except SolveError as error:
             errors.append(error)
     if not begins:
@@ -110,8 +98,15 @@ def starts(problem: Problem, kind: str) -> list[Start]:
     return begins
 
 
-def _start(problem: Problem, alternatives: tuple[str, ...], kind: str, scene: Scene) -> Start:
-    poses, points, cameras, positions = scene.poses, scene.points, scene.cameras, scene.positions
+def _start(
+    problem: Problem,
+    alternatives: tuple[str, ...],
+    kind: str,
+    first: tuple[Floats, Floats],
+    linear: tuple[Floats, Floats],
+) -> Start:
+    """From `first` poses (f, 4, 4) and points (m, 3), and the `linear` start's cameras (f, 3) and points (m, 3)."""
+    (poses, points), (cameras, positions) = first, linear
     given = problem
     problem, refuted = without_outliers(problem, cameras, positions)
     if problem.camera.fixed is None:

@@ -28,7 +28,7 @@ from savmap.graph.calibration import (
 )
 from savmap.graph.factors.problem_factors import estimate_of, values_of, whole_graph
 from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.levenberg_marquardt import ROUGH, LevenbergMarquardt, aisle_ordering
+from savmap.graph.solver.levenberg_marquardt import ROUGH, aisle_ordering, minimum
 from savmap.graph.solver.optimise import Iterate, SolveOptions, estimated_biases, refined
 from savmap.graph.solver.solution import HalfDifference, LensDistanceError, Solution, VerticalScaleError
 from savmap.types import Bools, Floats, Ints
@@ -82,8 +82,8 @@ def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: Floa
     measurements = problem.measurements.inflated(inflation).take(chosen)
     graph = whole_graph(problem, estimate, measurements, huber[chosen])
     row = f"row {problem.camera.facts.name}"
-    solver = LevenbergMarquardt(row, aisle_ordering(problem, estimate), change=ROUGH)
-    values = solver.minimum(graph, values_of(problem, estimate))
+    order, begin = aisle_ordering(problem, estimate), values_of(problem, estimate)
+    values = minimum(row, order, graph, begin, change=ROUGH)
     return estimate_of(problem, values, estimate).points
 
 

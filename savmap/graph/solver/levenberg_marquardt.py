@@ -7,7 +7,6 @@ to, such as the landmark that defines a common plane, come last.
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -24,27 +23,25 @@ KeyPosition = tuple[float, int]
 """Position along the aisle, m, and key of a variable."""
 
 
-@dataclass(frozen=True)
-class LevenbergMarquardt:
-    """GTSAM's, with the order of elimination; errors name the `row`. It ends where a step changes the error by no more
-    than a share of it, `change`."""
-
-    row: str
-    ordering: gtsam.Ordering
-    iterations: int = 50
-    change: float = FINE
-
-    def minimum(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
-        """The minimum near some values. Raises SolveError if the graph cannot be solved."""
-        settings = gtsam.LevenbergMarquardtParams()
-        settings.setMaxIterations(self.iterations)
-        settings.setRelativeErrorTol(self.change)
-        settings.setOrdering(self.ordering)
-        try:
-            return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
-        except Exception as error:  # GTSAM's own are RuntimeErrors; a plugin's factor may raise any
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-            raise SolveError(f"{self.row}: the graph cannot be solved ({reason})") from error
+def minimum(
+    row: str,
+    ordering: gtsam.Ordering,
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    iterations: int = 50,
+    change: float = FINE,
+) -> gtsam.Values:
+    """The minimum of a graph near some values. It ends where a step changes the error by no more than a share of it,
+    `change`. Raises SolveError, which names the `row`, if the graph cannot be solved."""
+    settings = gtsam.LevenbergMarquardtParams()
+    settings.setMaxIterations(iterations)
+    settings.setRelativeErrorTol(change)
+    settings.setOrdering(ordering)
+    try:
+        return gtsam.LevenbergMarquardtOptimizer(graph, values, settings).optimize()
+    except Exception as error:  # GTSAM's are RuntimeErrors; a plugin's factor may raise any
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+        raise SolveError(f"{row}: the graph cannot be solved ({reason})") from error
 
 
 def aisle_ordering(problem: Problem, estimate: Estimate) -> gtsam.Ordering:

@@ -32,7 +32,7 @@ from savmap.graph.solver.judgement.reference_tests import (
     tested_keys,
 )
 from savmap.graph.solver.judgement.soft_references import softened
-from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, LevenbergMarquardt, aisle_ordering
+from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, aisle_ordering, minimum
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
 from savmap.types import Bools, Doubt, Floats, Ints, Trajectory
@@ -310,10 +310,8 @@ def _rounds(
         corrected = problem.without(bias, estimate.poses, estimate.points)
         weighed = corrected.measurements.inflated(weight).take(kept)
         graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
-        settings = LevenbergMarquardt(
-            row, aisle_ordering(corrected, estimate), options.max_iterations, FINE if near else ROUGH
-        )
-        values = settings.minimum(graph, values_of(corrected, estimate))
+        order, begin = aisle_ordering(corrected, estimate), values_of(corrected, estimate)
+        values = minimum(row, order, graph, begin, options.max_iterations, FINE if near else ROUGH)
         estimate = estimate_of(corrected, values, estimate)
         corrected = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(corrected, estimate, kept, options.reject_sigma)
