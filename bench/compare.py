@@ -1,31 +1,157 @@
-"""Two dates of one place: are known changes found, and is nothing told that is not there?
+"""Two dates of one place: are changes found, and is nothing reported that did not happen?
 
-    python bench/compare.py [--pairs 20] [--sections 10] [--errors fine|paper] [--keep DIR] [-o bench/results/compare.json]
+    python -m bench compare [--set dev] [--pairs 20] [--sections 10] [--errors fine|paper] [--keep DIR]
 
 Pairs of simulated rows at observation level, each date with a drive, masks' errors and references of its own: nothing changed; beams moved by
-5, 10 and 50 mm; a bay rebuilt, a post pushed aside by 15 mm and a sign replaced; a bay added at the left, where the row's frame begins. Printed
-for each kind of change: how many there were, the share that was found, and both for those whose true size is over 3, and over 5, of the
-test's own standard deviations; and the share of unchanged elements that were told as changed. Maps in DIR are used again.
+5, 10 and 50 mm; a bay rebuilt, a post pushed aside by 15 mm and a sign replaced; a bay added at the left, where the row's frame begins. By kind
+of change: how many there were, the share that was found, and both for those whose true size is over 3, and over 5, of the test's standard
+deviations; and the share of unchanged elements that were reported as changed. Maps in DIR are used again.
 """
 
 import argparse
+import copy
 import json
+import re
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from compared_rows import CHANGES, ERRORS, Pair, pair
 
+from bench.baseline import Figures
+from bench.observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
+from bench.seeds import SETS, seeds
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
+from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.maps.comparison import CHANGES as CHANGED
 from savmap.maps.comparison import LEVEL, ElementChange, compare_maps
-from savmap.types import Floats
+from savmap.maps.map_file import read_map, write_map
+from savmap.types import Attribute, Floats, FrameTable, RowMap, SiteMap, Structure
+from savmap_shelves.constraints import GridSettings
 
-ROOT = Path(__file__).parent.parent
+Rack = dict[str, Any]
+ERRORS: Mapping[str, MaskErrors] = {
+    "paper": PAPER,
+    "fine": MaskErrors(0.25, missed=0.05, incomplete=0.2, outliers=0.02, bias_px=0.2, uneven_px=0.03, drift_px=0.1),
+}
+"""`paper`: as in the published experiment. `fine`: edges measured in the panorama itself, about a quarter of a pixel."""
+SIGN_SIGMA_M = 0.01
+UPRIGHT_M = 0.1
+
+
+@dataclass(frozen=True)
+class Pair:
+    """An old and a new map of a row, and both dates' surveys."""
+
+    case: str
+    seed: int
+    old: SiteMap
+    new: SiteMap
+    surveys: tuple[Mapping[str, Any], Mapping[str, Any]]
+
+
+def _beams(rack: Rack, rng: np.random.Generator) -> None:
+    """Beams of three bays moved up or down by 5, 10 and 50 mm."""
+    bays = rng.choice(len(rack["bays"]), 3, replace=False)
+    for number, by_m in zip(bays.tolist(), (0.005, 0.010, 0.050), strict=True):
+        beams = rack["bays"][number]["beams"]
+        level = int(rng.integers(1, len(beams)))
+        beams[level] = round(beams[level] + by_m * float(rng.choice([-1, 1])), 4)
+
+
+def _bay_and_post(rack: Rack, rng: np.random.Generator) -> None:
+    """A bay with all its levels set anew, and another bay's left post pushed aside by 15 mm. A sign is replaced in the map."""
+    rebuilt, bent = rng.choice(np.arange(1, len(rack["bays"])), 2, replace=False).tolist()
+    bay = rack["bays"][rebuilt]
+    count, lowest = len(bay["beams"]) + int(rng.choice([-1, 1])), bay["beams"][0]
+    levels = 6.2 / count * (np.arange(1, count) + rng.uniform(-0.1, 0.1))
+    bay["beams"] = [lowest, *(lowest + levels).round(4).tolist()]
+    by = 0.015 * float(rng.choice([-1, 1]))
+    rack["bays"][bent - 1]["width"] += by
+    rack["bays"][bent]["width"] -= by
+
+
+def _left(rack: Rack, rng: np.random.Generator) -> None:
+    """A bay more at the left end, where the row's frame begins."""
+    rack["bays"].insert(0, {"width": 2.7, "beams": [0.2, 1.7, 3.3, 5.1, 6.4]})
+
+
+def _nothing(rack: Rack, rng: np.random.Generator) -> None:
+    pass
+
+
+CHANGES: Mapping[str, Callable[[Rack, np.random.Generator], None]] = {
+    "nothing": _nothing,
+    "beams": _beams,
+    "bay, post, sign": _bay_and_post,
+    "bay at the left": _left,
+}
+
+
+def pair(case: str, seed: int, errors: str, sections: int, folder: Path) -> Pair:
+    """The pair of a case and seed; maps in the folder are used again. Raises SavmapError where a row cannot be mapped."""
+    rng = np.random.default_rng([seed, 4646])
+    old = rack(rng, sections, (4, 7), bridge=False)
+    new = copy.deepcopy(old)
+    CHANGES[case](new, rng)
+    maps, surveys = [], []
+    for date, shelves in enumerate((old, new)):
+        name = "-".join(["old"] if date == 0 else re.findall("[a-z]+", case))
+        site_map, survey = _mapped(shelves, seed, date, errors, folder / f"{errors}-{sections}-{seed}-{name}.json")
+        maps.append(_with_signs(site_map, shelves, seed, date, case))
+        surveys.append(survey)
+    return Pair(case, seed, maps[0], maps[1], (surveys[0], surveys[1]))
+
+
+def _mapped(shelves: Rack, seed: int, date: int, errors: str, path: Path) -> tuple[SiteMap, Mapping[str, Any]]:
+    sheet = path.with_suffix(".survey")
+    if path.is_file() and sheet.is_file():
+        return read_map(path), json.loads(sheet.read_text(encoding="utf-8"))
+    rng = np.random.default_rng([seed, date, 5])
+    driven = driven_along(shelves, 10000 + 2 * seed + date, rng, ERRORS[errors])
+    write_text(sheet, json.dumps(driven.survey))
+    if path.is_file():
+        return read_map(path), driven.survey
+    known = given(driven, rng, profiles=False)
+    row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+    table = driven.measurements.facts.frames
+    row_map = RowMap(
+        "A",
+        FrameTable(table.stamps_s, table.passes),
+        dict(driven.measurements.facts.views),
+        row.solution.trajectory,
+        {"shelves": tuple(row.structures)},
+        (),
+        dict(row.solution.report),
+    )
+    site_map = SiteMap({"A": row_map}, {})
+    write_map(site_map, path)
+    return site_map, driven.survey
+
+
+def _with_signs(site_map: SiteMap, shelves: Rack, seed: int, date: int, case: str) -> SiteMap:
+    """The map with a sign at 1.5 m in each section, mapped to `SIGN_SIGMA_M`; on the second date one may have another text."""
+    rng = np.random.default_rng([seed, date, 6])
+    left = np.cumsum([UPRIGHT_M, *(bay["width"] + UPRIGHT_M for bay in shelves["bays"][:-1])])
+    other = int(np.random.default_rng([seed, 8]).integers(len(left))) if "sign" in case and date else -1
+    signs = []
+    first = 0 if "left" in case and date else 1
+    for number, x in enumerate(left):
+        text = f"A{number + first:02d}" if number != other else f"B{number + 31:02d}"
+        corner = np.array([x + 0.4, 1.5, 0.01]) + rng.normal(0, SIGN_SIGMA_M, 3)
+        quad = corner + np.array([[0, 0.2, 0], [0.3, 0.2, 0], [0.3, 0, 0], [0, 0, 0.0]])
+        labels = tuple(f"sign {number + 1} / {part}" for part in range(4))
+        covariances = np.tile(SIGN_SIGMA_M**2 * np.eye(3), (4, 1, 1))
+        edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+        attributes: dict[str, Attribute] = {"sign": number + 1, "text": text, "confidence": 0.99, "code": ""}
+        signs.append(Structure(f"sign {number + 1}", "sign", quad, covariances, labels, edges, attributes))
+    row = site_map.rows["A"]
+    return replace(site_map, rows={"A": replace(row, structures={**row.structures, "signs": tuple(signs)})})
+
+
 NEAR_M = 0.2
 SAME_M = 1e-4
 FIGURES = ("x", "y", "size x", "size y")
@@ -33,13 +159,13 @@ FIGURES = ("x", "y", "size x", "size y")
 
 @dataclass(frozen=True)
 class Outcome:
-    """An element of a pair: the kind of its true change ("" for none), its size in standard deviations, and what was told."""
+    """An element of a pair: the kind of its true change ("" for none), its size in standard deviations, and what was reported."""
 
     case: str
     seed: int
     kind: str
     sigmas: float
-    told: str
+    reported: str
     name: str
 
 
@@ -127,54 +253,55 @@ def _kind(case: str, label: str, moved: Floats) -> str:
     return "post 15 mm" if label == "upright" else "beams at the post"
 
 
-def table(found: Sequence[Outcome]) -> Iterator[str]:
-    """Found changes by kind, and false alarms by case."""
-    yield f"{'change':20}{'count':>7}{'found':>8}{'over 3 sigma':>15}{'found':>8}{'over 5 sigma':>15}{'found':>8}{'sigmas':>8}"
-    kinds = sorted({one.kind for one in found if one.kind})
-    for kind in (*kinds, "all"):
-        changes = [one for one in found if one.kind and kind in (one.kind, "all")]
-        cells = [f"{len(changes):7d}{_share(changes):>8}"]
-        for least in (3, 5):
-            over = [one for one in changes if one.sigmas > least]
-            cells.append(f"{len(over):15d}{_share(over):>8}")
-        typical = np.median([one.sigmas for one in changes])
-        yield f"{kind:20}" + "".join(cells) + f"{typical:8.1f}"
-    yield f"\n{'unchanged in':20}{'count':>7}{'false':>8}{'share':>9}{'rows with any':>16}"
-    for case in (*CHANGES, "all"):
-        same = [one for one in found if not one.kind and case in (one.case, "all")]
-        false = [one for one in same if one.told in CHANGED]
-        rows = {(one.case, one.seed) for one in same}
-        any_false = f"{len({(one.case, one.seed) for one in false})} of {len(rows)}"
-        yield f"{case:20}{len(same):7d}{len(false):8d}{100 * len(false) / max(len(same), 1):7.2f} %{any_false:>16}"
-
-
-def _share(changes: Sequence[Outcome]) -> str:
-    told = sum(one.told in CHANGED or (one.kind == "new bay" and one.told == "not seen") for one in changes)
-    return f"{100 * told / len(changes):.0f} %" if changes else "-"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--pairs", type=int, default=20, help="of each case")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first pair")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("--set", choices=SETS, default="dev", help="of seeds")
+    parser.add_argument("--pairs", type=int, help="of each case; all of the set")
     parser.add_argument("--sections", type=int, default=10)
     parser.add_argument("--errors", choices=tuple(ERRORS), default="fine")
     parser.add_argument("--level", type=float, default=LEVEL, help="of the false discovery rate")
     parser.add_argument("--keep", type=Path, help="folder of maps")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "compare.json")
-    arguments = parser.parse_args()
-    found: list[Outcome] = []
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Shares over all pairs."""
+    every: list[Outcome] = []
     with tempfile.TemporaryDirectory() as scratch:
-        folder = arguments.keep or Path(scratch)
-        for seed in range(arguments.first, arguments.first + arguments.pairs):
+        folder = given.keep or Path(scratch)
+        for seed in seeds("pairs", given.set, given.pairs):
             for case in CHANGES:
                 try:
-                    found += outcomes(pair(case, seed, arguments.errors, arguments.sections, folder), arguments.level)
+                    every += outcomes(pair(case, seed, given.errors, given.sections, folder), given.level)
                 except SavmapError as refusal:
-                    print(f"pair {seed}, {case}, is left out: {refusal}", flush=True)
-    print("\n".join(table(found)))
-    write_text(arguments.output, json.dumps([vars(one) for one in found], indent=1, default=str) + "\n")
+                    print(f"a pair of the case {case} is left out: {refusal}", flush=True)
+    return {**found_changes(every), **false_alarms(every)}
 
 
-if __name__ == "__main__":
-    main()
+def found_changes(every: Sequence[Outcome]) -> Figures:
+    """By kind of change: counts, percent found, and the same over 3 and 5 standard deviations."""
+    table = {}
+    for kind in (*sorted({outcome.kind for outcome in every if outcome.kind}), "all changes"):
+        changes = [outcome for outcome in every if outcome.kind and kind in (outcome.kind, "all changes")]
+        table[kind] = {"count": len(changes), "found": _percent(changes)}
+        for least in (3, 5):
+            over = [outcome for outcome in changes if outcome.sigmas > least]
+            table[kind] |= {f"over {least} sigma": len(over), f"found, over {least}": _percent(over)}
+    return table
+
+
+def false_alarms(every: Sequence[Outcome]) -> Figures:
+    """By case: unchanged elements, and percent of them that were reported as changed."""
+    table = {}
+    for case in (*CHANGES, "all"):
+        same = [outcome for outcome in every if not outcome.kind and case in (outcome.case, "all")]
+        false = sum(outcome.reported in CHANGED for outcome in same)
+        table[f"unchanged, {case}"] = {"count": len(same), "false": 100 * false / max(len(same), 1)}
+    return table
+
+
+def _percent(changes: Sequence[Outcome]) -> float:
+    hits = sum(
+        outcome.reported in CHANGED or (outcome.kind == "new bay" and outcome.reported == "not seen")
+        for outcome in changes
+    )
+    return 100 * hits / len(changes) if changes else float("nan")

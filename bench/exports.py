@@ -1,30 +1,29 @@
 """Every format that savmap writes: seconds, size, and what validators say of the file.
 
-    python bench/exports.py MAP [--rows 46] [--format glb ...] [--skip-validators] [-o bench/results/exports]
+    python -m bench exports MAP [--rows 46] [--format glb ...] [--skip-validators] [--keep DIR]
 
 `--rows`: the map's first row that many times, side by side, 4 m apart, instead of the map. Validators that are not installed are named as such:
 `pip install usd-validation-nvidia pyogrio`, and, in a folder that NODE_PATH names as its node_modules, `npm install gltf-validator web-ifc
 @mapbox/geojsonhint` (of what the last one needs, one package lies in a git repository: where that cannot be reached, `"overrides":
 {"@gerhobbelt/nomnom": "npm:nomnom@1.8.1"}` in package.json does without). NVIDIA_USD_VALIDATE: that command, if it is not on the PATH.
-Printed: a line for each format and, indented, one for each validator. Written: the files, and figures.json. Ends with 1 if a validator finds
-fault with a file.
+Ends with 1 if a validator finds more fault with a file than before.
 """
 
 import argparse
-import json
 import os
 import shutil
 import subprocess
-import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from bench.baseline import Figures
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_text
 from savmap.maps.exports import FORMATS, core_exporters
 from savmap.maps.map_file import read_map
 from savmap.types import Alignment, Placement, SiteMap
@@ -59,32 +58,6 @@ Validator = Callable[[Path], list[str]]
 
 class MissingError(Exception):
     """A validator is not installed."""
-
-
-@dataclass(frozen=True)
-class Result:
-    """A format: seconds, bytes, and each validator's faults (None: it is not installed), with the seconds that it took."""
-
-    name: str
-    seconds: float
-    size: int
-    faults: Mapping[str, Sequence[str] | None]
-    took: Mapping[str, float]
-
-
-def gltf_validator(path: Path) -> list[str]:
-    """Khronos' own."""
-    return in_node(GLTF, "gltf-validator", path)
-
-
-def web_ifc(path: Path) -> list[str]:
-    """Whether web-ifc, which viewers in browsers use, reads shapes."""
-    return in_node(WEB_IFC, "web-ifc", path)
-
-
-def geojsonhint(path: Path) -> list[str]:
-    """Mapbox's linter of GeoJSON (RFC 7946)."""
-    return in_node(GEOJSONHINT, "@mapbox/geojsonhint", path)
 
 
 def in_node(script: str, module: str, path: Path) -> list[str]:
@@ -155,42 +128,37 @@ def gdal(path: Path) -> list[str]:
 
 
 VALIDATORS: Mapping[str, Mapping[str, Validator]] = {
-    "glb": {"gltf-validator": gltf_validator},
+    "glb": {"gltf-validator": partial(in_node, GLTF, "gltf-validator")},
     "usda": {"UsdValidation": usd_validation, "usd-validation-nvidia": nvidia_validation},
     "usdc": {"UsdValidation": usd_validation, "usd-validation-nvidia": nvidia_validation},
-    "ifc": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
-    "ifc4x3": {"ifcopenshell.validate": ifc_validation, "web-ifc": web_ifc},
+    "ifc": {"ifcopenshell.validate": ifc_validation, "web-ifc": partial(in_node, WEB_IFC, "web-ifc")},
+    "ifc4x3": {"ifcopenshell.validate": ifc_validation, "web-ifc": partial(in_node, WEB_IFC, "web-ifc")},
     "dxf": {"ezdxf": dxf_audit, "GDAL": gdal},
-    "geojson": {"geojsonhint": geojsonhint, "GDAL": gdal},
+    "geojson": {"geojsonhint": partial(in_node, GEOJSONHINT, "@mapbox/geojsonhint"), "GDAL": gdal},
 }
 """By format, and by the validator's name."""
 
 
-def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> Result:
-    """A format, written into a folder and validated."""
+def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> dict[str, float]:
+    """Write a format into a folder and validate it: seconds, megabytes, and how many faults validators find; they are printed."""
     path = folder / f"map-{name}.{ENDINGS.get(name, name)}"
     begin = time.perf_counter()
     core_exporters()[name](site, path)
-    seconds = time.perf_counter() - begin
-    faults, took = dict[str, Sequence[str] | None](), dict[str, float]()
+    figures: dict[str, float] = {"seconds": time.perf_counter() - begin, "MB": path.stat().st_size / 1e6, "faults": 0}
     for validator, check in VALIDATORS.get(name, {}).items() if validate else ():
-        begin = time.perf_counter()
         try:
-            faults[validator] = check(path)
+            faults = check(path)
         except MissingError:
-            faults[validator] = None
-        took[validator] = time.perf_counter() - begin
-    return Result(name, seconds, path.stat().st_size, faults, took)
-
-
-def lines_of(result: Result) -> list[str]:
-    """What is printed of a format."""
-    lines = [f"{result.name:16}{result.seconds:8.2f} s{result.size / 1e6:10.3f} MB"]
-    for validator, faults in result.faults.items():
-        said = "is not installed" if faults is None else f"{len(faults)} faults" if faults else "no fault"
-        lines.append(f"    {validator}: {said}, {result.took[validator]:.1f} s")
-        lines += [f"        {fault[:300]}" for fault in (faults or [])[:10]]
-    return lines
+            print(f"{name}, {validator}: is not installed", flush=True)
+            continue
+        print(
+            f"{name}, {validator}: {len(faults)} faults",
+            *(fault[:300] for fault in faults[:10]),
+            sep="\n    ",
+            flush=True,
+        )
+        figures["faults"] += len(faults)
+    return figures
 
 
 def repeated(site: SiteMap, count: int) -> SiteMap:
@@ -201,31 +169,27 @@ def repeated(site: SiteMap, count: int) -> SiteMap:
     return SiteMap({name: replace(row, name=name) for name in names}, site.made_by, placements=places)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write and validate; 1 if there is a fault."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("map", type=Path)
     parser.add_argument("--rows", type=int, default=0)
     parser.add_argument("--format", nargs="+", choices=sorted(FORMATS), default=list(FORMATS))
     parser.add_argument("--skip-validators", action="store_true")
-    parser.add_argument("-o", "--output", type=Path, default=Path("bench/results/exports"))
-    given = parser.parse_args(arguments)
+    parser.add_argument("--keep", type=Path, help="a folder for the files")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Write and validate each format."""
     site = read_map(given.map)
     site = repeated(site, given.rows) if given.rows else site
     site = replace(site, alignment=site.alignment or SOMEWHERE)
-    given.output.mkdir(parents=True, exist_ok=True)
-    results = []
-    for name in given.format:
-        try:
-            results.append(measured(name, site, given.output, not given.skip_validators))
-            print("\n".join(lines_of(results[-1])), flush=True)
-        except SavmapError as error:
-            print(f"{name:16}cannot hold this map: {error}")
-    print(f"{'all':16}{sum(result.seconds for result in results):8.2f} s")
-    figures = {result.name: {"seconds": round(result.seconds, 3), "bytes": result.size} for result in results}
-    write_text(given.output / "figures.json", json.dumps(figures, indent=1) + "\n")
-    return int(any(faults for result in results for faults in result.faults.values()))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    figures = {}
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = given.keep or Path(temporary)
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in given.format:
+            try:
+                figures[name] = measured(name, site, folder, not given.skip_validators)
+            except SavmapError as error:
+                print(f"{name:16}cannot hold this map: {error}")
+    return figures

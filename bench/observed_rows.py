@@ -1,6 +1,6 @@
 """Rows at observation level: a scene of the paper's size, masks' edges with their errors, and the way from there to a map.
 
-Shared by observed.py, site46.py, uncertainty.py and accuracy.py; the tracking, constraints, solve and scoring are the program's.
+Shared by observed, uncertainty, site46 and compare; the tracking, constraints, solve and scoring are the program's.
 """
 
 import time
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from savmap.graph import (
-    Calibration,
     CameraHeight,
     KnownLength,
     References,
@@ -22,13 +21,12 @@ from savmap.graph import (
     solve,
 )
 from savmap.lab.sim.drive.cart import Drive, drive
-from savmap.lab.sim.drive.optics import Optics
 from savmap.lab.sim.observations import MaskErrors
 from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import parse_scene
 from savmap.pipeline.initial_poses import attitudes_of, initial_path
 from savmap.pipeline.records import RowMeasurements, RowRequest
-from savmap.types import Floats, FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
+from savmap.types import FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.constrain import BiasSettings
@@ -101,13 +99,11 @@ def driven_row(
     sections: int = 15,
     levels: tuple[int, int] = (5, 11),
     frames_a_section: int = 20,
-    sigma_px: float | None = None,
-    optics: Optics | None = None,
 ) -> DrivenRow:
-    """A random row and what a camera (with `optics`) saw that was pushed along it once, 1.5 m away and 3 m high."""
+    """A random row and what a camera saw that was pushed along it once, 1.5 m away and 3 m high."""
     rng = np.random.default_rng([seed, 46])
     shelves = rack(rng, sections, levels)
-    return driven_along(shelves, seed, rng, errors, frames_a_section, sigma_px, optics)
+    return driven_along(shelves, seed, rng, errors, frames_a_section)
 
 
 def driven_along(
@@ -116,8 +112,6 @@ def driven_along(
     rng: np.random.Generator,
     errors: MaskErrors,
     frames_a_section: int = 20,
-    sigma_px: float | None = None,
-    optics: Optics | None = None,
 ) -> DrivenRow:
     """A rack and what a camera saw that was pushed along it once; `rng` draws the camera's height."""
     sections = len(shelves["bays"])
@@ -143,8 +137,8 @@ def driven_along(
     )
     built = build(scene)
     path = drive(scene.cart, seed)
-    edges = observe(built, "A", path, VIEW, errors, seed, optics)
-    nominal = max(errors.sigma_px, 0.3) if sigma_px is None else sigma_px
+    edges = observe(built, "A", path, VIEW, errors, seed)
+    nominal = max(errors.sigma_px, 0.3)
     features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
     facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
@@ -154,38 +148,24 @@ def driven_along(
     return DrivenRow(built, path, measurements)
 
 
-def given(
-    driven: DrivenRow, rng: np.random.Generator, length: bool = True, profiles: bool = True, exact: bool = False
-) -> Given:
-    """References off by their own sigmas: camera height, the lowest edges, and, if asked for, the row's length and the
+def given(driven: DrivenRow, rng: np.random.Generator, profiles: bool = True) -> Given:
+    """References off by their own sigmas: camera height, the lowest edges, the row's length, and, if asked for, the
     widths of one upright and of one beam."""
-    off = 0.0 if exact else 1.0
-    height = float(driven.path.origins[:, 1].mean()) + off * rng.normal(0, HEIGHT_SIGMA_M)
+    height = float(driven.path.origins[:, 1].mean()) + rng.normal(0, HEIGHT_SIGMA_M)
     uprights = driven.survey["uprights"]
-    span = uprights[-1][1] - uprights[0][0] + off * rng.normal(0, LENGTH_SIGMA_M)
+    span = uprights[-1][1] - uprights[0][0] + rng.normal(0, LENGTH_SIGMA_M)
     ends = ("upright 1 / left", f"upright {len(uprights)} / right")
-    lengths: tuple[KnownLength, ...] = (KnownLength(*ends, span, LENGTH_SIGMA_M),) if length else ()
+    lengths: tuple[KnownLength, ...] = (KnownLength(*ends, span, LENGTH_SIGMA_M),)
     if profiles:
-        lengths += tuple(
-            KnownLength(*ends, 0.1 + off * rng.normal(0, WIDTH_SIGMA_M), WIDTH_SIGMA_M) for ends in PROFILES
-        )
-    lowest = [float(s["beams"][0][0] + off * rng.normal(0, LOWEST_SIGMA_M)) for s in driven.survey["sections"]]
+        lengths += tuple(KnownLength(*ends, 0.1 + rng.normal(0, WIDTH_SIGMA_M), WIDTH_SIGMA_M) for ends in PROFILES)
+    lowest = [float(s["beams"][0][0] + rng.normal(0, LOWEST_SIGMA_M)) for s in driven.survey["sections"]]
     return Given(References((CameraHeight(height, HEIGHT_SIGMA_M, 0.02),), lengths), tuple(lowest))
 
 
-def start_of(driven: DrivenRow, known: Given, truth: bool = False) -> Trajectory:
-    """The pipeline's first path, or the true path."""
-    if truth:
-        return Trajectory(np.arange(len(driven.path.origins)), true_poses(driven))
+def start_of(driven: DrivenRow, known: Given) -> Trajectory:
+    """The pipeline's first path."""
     travel = float(np.ptp(driven.path.origins[:, 0]))
     return initial_path(RowRequest("A", (), (), known.references, round(travel, 0)), driven.measurements)
-
-
-def true_poses(driven: DrivenRow) -> Floats:
-    """world_from_rig (n, 4, 4)."""
-    poses = np.tile(np.eye(4), (len(driven.path.origins), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = driven.path.world_from_rig, driven.path.origins
-    return poses
 
 
 def tracked(driven: DrivenRow) -> list[Track]:
@@ -201,17 +181,15 @@ def mapped(
     settings: GridSettings | None = None,
     options: SolveOptions | None = None,
     tracks: list[Track] | None = None,
-    start: Trajectory | None = None,
-    calibration: Calibration | None = None,
 ) -> Mapped:
     """From features to a scored map, as `savmap.pipeline.row` chains it for a plugin."""
     begin = time.perf_counter()
     row_tracks = tracked(driven) if tracks is None else tracks
-    first = start or start_of(driven, known)
+    first = start_of(driven, known)
     grid = constrain(
         row_tracks, driven.measurements.facts, first, settings=settings or GridSettings(known.lowest_m, LOWEST_SIGMA_M)
     )
-    frames = camera_priors(driven.measurements.facts, first, known.references, calibration=calibration)
+    frames = camera_priors(driven.measurements.facts, first, known.references)
     solution = solve(merge(frames, grid), options)
     structures = describe(row_tracks, solution)
     seconds = time.perf_counter() - begin

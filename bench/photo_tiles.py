@@ -1,11 +1,11 @@
 """Labelled photographs as pictures for training: tiles at two sizes.
 
-    python bench/photo_tiles.py -o data/photos [--cache DIR]
+    python -m bench photo-tiles --keep data/photos [--cache DIR]
 
 The photographs of `plugins/shelves/training/photos.json`, which stand under CC0, CC-BY, MIT and Apache-2.0, are fetched by address and digest; our
-labels of them lie beside it (LabelMe: shapes in painting order, later over earlier; `ignore` is not judged, `background` is none of the
-classes). Each is cut into half overlapping tiles of 640x480 at its own size (at most 1280 px wide) and, where it is large, at half of it.
-A data set of savmap's own kind is written. None of the photographs of `bench/photos.py` is among them.
+labels of them lie beside it (LabelMe: shapes in painting order, later over earlier; `ignore` does not count, `background` is none of the
+classes). Each is cut into half overlapping tiles of 640x480 at its size (at most 1280 px wide) and, where it is large, at half of it.
+A data set of savmap's format is written. None of the photographs of `python -m bench photos` is among them.
 """
 
 import argparse
@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from photo_files import PHOTOS, photo, scaled
 
-from savmap.errors import ending_in_one_line
+from bench.baseline import Figures
+from bench.photo_files import PHOTOS, photo, scaled
 
 TRAINING = Path(__file__).parent.parent / "plugins" / "shelves" / "training"
 CLASSES = ("upright", "beam", "upright_side", "beam_side")
@@ -82,14 +82,13 @@ def write_tiles(output: Path, cache: Path) -> int:
     return len(list((output / "images").iterdir()))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this tool."""
+    parser.add_argument("--keep", type=Path, required=True, help="the folder of the data set")
     parser.add_argument("--cache", type=Path, default=PHOTOS)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    given = parser.parse_args()
-    with ending_in_one_line():
-        print(f"{given.output}: {write_tiles(given.output, given.cache)} tiles")
 
 
-if __name__ == "__main__":
-    main()
+def run(given: argparse.Namespace) -> Figures:
+    """Write the tiles."""
+    print(f"{given.keep}: {write_tiles(given.keep, given.cache)} tiles")
+    return {}

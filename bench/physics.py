@@ -1,13 +1,11 @@
 """Ways to be wrong about a row, and how mapping it ends: `trusted` and right, `check`, or refused. Never silently wrong.
 
-    python bench/physics.py [--rows demo 5000 5003] [--keep DIR] [--only WORDS] [--part 1/4] [--resume] [-o bench/results/physics.json]
+    python -m bench physics [--rows demo 5000 5003] [--only WORDS] [--keep DIR]
 
-A case changes what is said of a row: its site file's content, or which clip it names (`physics_footage.py` has more of what may be wrong
-with a clip). A map is wrong where the change put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that
-unless the row ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row,
-or of one of the usual rows where there is no next.
-The results are written after each case; `--resume` leaves those as they are that are in the output file, and `--part 2/4` runs the second of
-four parts of each row's cases.
+A case changes what is said of a row: its site file's content, or which clip it names (`physics-footage` has more of what may be wrong with a
+clip). A map is wrong where the change put an edge further from the truth than 3 of its sigmas and 1 cm. It is silent about that unless the row
+ends as `check` or refused. A number as a row is the seed of a random one; another row's references are those of the next row, or of one of the
+usual rows where there is no next. With `--keep`, each case's result is kept in DIR/physics.json, and is not measured again.
 """
 
 import argparse
@@ -22,24 +20,360 @@ from typing import Any
 
 import numpy as np
 import yaml
-from physics_cases import NOTHING, PLUGIN, ROW, Case, Content, Filmed, more_reference_cases, reference_cases, unit_cases
-from physics_clips import clip_cases, mast_cases, other_clip_cases
-from rows import footage
 
-from savmap.errors import SavmapError
+from bench.baseline import Figures
+from bench.clip_cases import other_hand, without
+from bench.clips import read, write
+from bench.rows import footage
+from bench.seeds import is_test
+from savmap.demo import SITE
+from savmap.errors import SavmapError, SiteError
 from savmap.files.atomic import write_text
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.scheduler import RunOptions, map_rows_of
+from savmap.lab.sim.drive.cart import drive
+from savmap.lab.sim.render.panorama import encode, frames
+from savmap.lab.sim.render.shade import renderer
+from savmap.lab.sim.scene.build import build
+from savmap.lab.sim.scene.files import load_scene
 from savmap.site.job import Job
 from savmap.site.load import draft_of, site_of
 from savmap.site.locations import SourceMap
 from savmap.types import RowMap
 from savmap.types.progress import SilentMonitor
 
-ROOT = Path(__file__).parent.parent
-DEMO = ROOT / "savmap" / "demo"
+ROW, PLUGIN = "A", "shelves"
+TIMES = (3, 10, 30)
+NOTHING = "nothing wrong"
+FOOT_M = 0.3048
+Content = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """A row that was filmed: the folder of its footage, its site file's content, its survey, the next row's content and folder, and a folder
+    for changed clips."""
+
+    name: str
+    folder: Path
+    content: Content
+    survey: Mapping[str, Any]
+    other: Content
+    other_folder: Path
+    scratch: Path
+
+
+@dataclass(frozen=True)
+class Case:
+    """A way to be wrong: `change` gives the site's content and the folder that its footage is in. `off_m`: by how much one reference is
+    wrong. A doubt of one of the `kinds`, or a refusal, must contain one of the `words`."""
+
+    name: str
+    change: Callable[[Filmed], tuple[Content, Path]]
+    words: tuple[str, ...] = ("",)
+    off_m: float = np.inf
+    kinds: tuple[str, ...] = ("reference",)
+
+
+def given(content: Content) -> Content:
+    """The row's own references, which the site's are moved into."""
+    row = content["rows"][ROW]
+    row["references"] = {**content.pop("references", {}), **row.get("references", {})}
+    own: dict[str, Any] = row["references"]
+    return own
+
+
+def heights(content: Content) -> list[float]:
+    """The lowest edges' heights, bay by bay."""
+    values: list[float] = content["rows"][ROW]["plugins"][PLUGIN]["lowest_beam_bottom_height_m"]["values"]
+    return values
+
+
+def references_only(change: Callable[[Content, Content], None]) -> Callable[[Filmed], tuple[Content, Path]]:
+    """A case of the references alone: `change(site, other site)` alters the site's content in place."""
+
+    def changed(row: Filmed) -> tuple[Content, Path]:
+        content = copy.deepcopy(row.content)
+        given(content)
+        change(content, row.other)
+        return content, row.folder
+
+    return changed
+
+
+def camera_off(metres: float, laser: bool = True) -> Callable[[Content, Content], None]:
+    def change(site: Content, _: Content) -> None:
+        given(site)["camera_height_m"]["value"] += metres
+        if not laser:
+            given(site)["lengths"] = []
+
+    return change
+
+
+def length_off(metres: float) -> Callable[[Content, Content], None]:
+    def change(site: Content, _: Content) -> None:
+        given(site)["lengths"][0]["value"] += metres
+
+    return change
+
+
+def length_times(factor: float) -> Callable[[Content, Content], None]:
+    def change(site: Content, _: Content) -> None:
+        given(site)["lengths"][0]["value"] *= factor
+
+    return change
+
+
+def height_off(section: int, metres: float) -> Callable[[Content, Content], None]:
+    def change(site: Content, _: Content) -> None:
+        heights(site)[section] += metres
+
+    return change
+
+
+def heights_as(order: Callable[[list[float]], list[float]]) -> Callable[[Content, Content], None]:
+    def change(site: Content, _: Content) -> None:
+        heights(site)[:] = order(heights(site))
+
+    return change
+
+
+def swapped(values: list[float]) -> list[float]:
+    """The two neighbours that differ most are swapped."""
+    at = int(np.argmax(np.abs(np.diff(values))))
+    return [*values[:at], values[at + 1], values[at], *values[at + 2 :]]
+
+
+def others_heights(site: Content, other: Content) -> None:
+    values = heights(other)
+    heights(site)[:] = [values[number % len(values)] for number in range(len(heights(site)))]
+
+
+def others_length(site: Content, other: Content) -> None:
+    row = copy.deepcopy(other)
+    given(site)["lengths"][0]["value"] = given(row)["lengths"][0]["value"]
+
+
+def others_everything(site: Content, other: Content) -> None:
+    row = copy.deepcopy(other)
+    others_heights(site, other)
+    others_length(site, other)
+    given(site)["camera_height_m"] = given(row)["camera_height_m"]
+
+
+def one_bay_short(site: Content, _: Content) -> None:
+    between = given(site)["lengths"][0]["between"]
+    given(site)["lengths"][0]["between"] = [between[0], f"upright {len(heights(site))} / right"]
+
+
+def with_length(between: Sequence[str], value: float, axis: str = "x") -> Callable[[Content, Content], None]:
+    """One more length, of a laser or a tape."""
+
+    def change(site: Content, _: Content) -> None:
+        more = {"between": list(between), "value": value, "sigma": 0.003, "axis": axis}
+        given(site)["lengths"] = [*given(site)["lengths"], more]
+
+    return change
+
+
+def with_point(vertex: str, value: float) -> Callable[[Content, Content], None]:
+    """A surveyed place along the aisle."""
+
+    def change(site: Content, _: Content) -> None:
+        given(site)["points"] = [{"vertex": vertex, "axis": "x", "value": value, "sigma": 0.003}]
+
+    return change
+
+
+def reference_cases(row: Filmed) -> Iterator[Case]:
+    """Each reference off by some sigmas and by slips of the hand."""
+
+    def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
+        return Case(name, references_only(change), words or ("",), off_m)
+
+    yield case(NOTHING, lambda _, __: None)
+    for times in TIMES:
+        yield case(f"camera height {times} sigma off", camera_off(0.02 * times), "camera height", off_m=0.02 * times)
+        yield case(f"length {times} sigma off", length_off(0.003 * times), "length", off_m=0.003 * times)
+        for section in range(len(heights(row.content))):
+            off = 0.002 * times
+            name = f"height of the lowest edge of bay {section + 1}"
+            yield case(f"height {section + 1} {times} sigma off", height_off(section, off), name, off_m=off)
+    last = len(heights(row.content))
+    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"bay {last}", off_m=0.05)
+    yield case("a height typed 5 cm too low", height_off(0, -0.05), "bay 1", off_m=0.05)
+    yield case("two heights swapped", heights_as(swapped), "height of the lowest edge")
+    yield case("a height in cm", heights_as(lambda values: [*values[:-1], 100 * values[-1]]), "bay", "values")
+    yield case("heights in cm", heights_as(lambda values: [100 * value for value in values]), "height", "values")
+    yield case("heights in units of 100 m", heights_as(lambda values: [value / 100 for value in values]), "height")
+    for metres in (-0.5, -0.1, 0.1, 0.5):
+        yield case(f"camera {metres:+.1f} m", camera_off(metres), "camera height", off_m=abs(metres))
+        yield case(
+            f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height", off_m=abs(metres)
+        )
+    yield case("length in units of 10 m", length_times(0.1), "length")
+    yield case("length to the upright before", one_bay_short, "length")
+    yield case("another row's heights", others_heights, "height of the lowest edge", "its height is not used")
+    yield case("another row's length", others_length, "length")
+    yield case("another row's references", others_everything, "height", "camera", "length")
+    yield case("heights from the other end", heights_as(lambda values: values[::-1]), "height of the lowest edge")
+    yield case("heights one bay on", heights_as(lambda values: [*values[1:], values[-1]]), "height of the lowest edge")
+    yield case("a camera height in feet", camera_off(2.281 * camera_height(row)), "camera height")
+
+
+def all_in(unit_m: float) -> Callable[[Content, Content], None]:
+    """Everything in another unit: nothing contradicts anything."""
+
+    def change(site: Content, _: Content) -> None:
+        own = given(site)
+        own["camera_height_m"]["value"] /= unit_m
+        for length in own["lengths"]:
+            length["value"] /= unit_m
+        heights(site)[:] = [value / unit_m for value in heights(site)]
+
+    return change
+
+
+def unit_cases(row: Filmed) -> Iterator[Case]:
+    """References in feet."""
+
+    def case(name: str, change: Callable[[Content, Content], None], *words: str) -> Case:
+        return Case(name, references_only(change), words, kinds=("reference", "shape"))
+
+    size = "another unit"
+    yield case("everything in feet", all_in(FOOT_M), size)
+    more = camera_height(row) * (1 / FOOT_M - 1)
+    yield case("a camera height in feet, no laser", camera_off(more, laser=False), size, "camera height")
+    yield case("a length in feet", length_times(1 / FOOT_M), "length")
+    yield case("heights in feet", heights_as(lambda values: [value / FOOT_M for value in values]), "height")
+
+
+def camera_height(row: Filmed) -> float:
+    return float(given(copy.deepcopy(row.content))["camera_height_m"]["value"])
+
+
+def more_reference_cases(row: Filmed) -> Iterator[Case]:
+    """References of other kinds, given beside the usual ones, twice, or measured to the wrong edge."""
+    first, last = row.survey["uprights"][0], row.survey["uprights"][-1]
+    between = given(copy.deepcopy(row.content))["lengths"][0]["between"]
+    length = last[1] - first[0]
+    width = sum(upright[1] - upright[0] for upright in (first, last))
+    beam = row.survey["sections"][0]["beams"][0]
+    height = beam[1] - beam[0]
+    edges = [f"bay 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
+
+    def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
+        return Case(name, references_only(change), words, off_m)
+
+    yield case("length between inner edges", length_off(-width), "length", off_m=width)
+    upper = heights_as(lambda values: [value + height for value in values])
+    yield case("heights of the upper edges", upper, "height", off_m=height)
+    yield case("the length given twice", with_length(between, length))
+    yield case("twice, once 5 cm more", with_length(between, length + 0.05), "length", off_m=0.05)
+    yield case("twice, once 50 cm more", with_length(between, length + 0.5), "length", off_m=0.5)
+    yield case("a tape's length", with_length(edges, height, "y"))
+    words = ("length bay 1", "height of the lowest edge of bay 1")
+    yield case("a tape's length 5 cm off", with_length(edges, height + 0.05, "y"), *words, off_m=0.05)
+    x = row.survey["uprights"][1][0]
+    yield case("a surveyed place", with_point("upright 2 / left", x))
+    yield case("a surveyed place 10 cm off", with_point("upright 2 / left", x + 0.1), "surveyed", off_m=0.1)
+    yield case("a place from the other end", with_point("upright 2 / left", length - x), "surveyed")
+    bay, pitch = ("upright 2 / left", "upright 3 / left"), row.survey["uprights"][2][0] - row.survey["uprights"][1][0]
+    yield case("a bay's width", with_length(bay, pitch))
+    yield case("a bay's width 5 cm off", with_length(bay, pitch + 0.05), "length", off_m=0.05)
+    yield case("a bay's width 50 cm off", with_length(bay, pitch + 0.5), "length", off_m=0.5)
+
+
+ANYTHING = ("contradict", "bays were found", "no such thing", "part of the row", "the rest says", "height", "fit")
+
+
+def of_clip(change: Callable[[Content, Filmed], None]) -> Callable[[Filmed], tuple[Content, Path]]:
+    """A case of the clip only: `change(first pass, row)` alters the site's first pass in place."""
+
+    def changed(row: Filmed) -> tuple[Content, Path]:
+        content = copy.deepcopy(row.content)
+        change(content["rows"][ROW]["passes"][0], row)
+        return content, row.folder
+
+    return changed
+
+
+def first_part(share: float) -> Callable[[Content, Filmed], None]:
+    def change(clip: Content, row: Filmed) -> None:
+        clip["end_s"] = read(row.folder / clip["video"])[-1][0] * share
+
+    return change
+
+
+def gap(stamped: bool) -> Callable[[Content, Filmed], None]:
+    def change(clip: Content, row: Filmed) -> None:
+        video = row.scratch / f"gap-{stamped}.mp4"
+        write(video, without(read(row.folder / clip["video"]), stamped))
+        clip["video"] = str(video)
+
+    return change
+
+
+def raised(metres: float) -> Callable[[Content, Filmed], None]:
+    def change(clip: Content, row: Filmed) -> None:
+        video = row.scratch / f"raised-{metres}.mp4"
+        if not video.is_file():
+            render_raised(row.folder / "scene.yaml", metres, video)
+        clip["video"] = str(video)
+
+    return change
+
+
+def with_passes(passes: Callable[[list[Content], Content], list[Content]]) -> Callable[[Filmed], tuple[Content, Path]]:
+    """A case of which clips show the row: of its passes and another row's."""
+
+    def changed(row: Filmed) -> tuple[Content, Path]:
+        content, other = copy.deepcopy(row.content), {**row.other["rows"][ROW]["passes"][0]}
+        other["video"] = str(row.other_folder / other["video"])
+        content["rows"][ROW]["passes"] = passes(content["rows"][ROW]["passes"], other)
+        return content, row.folder
+
+    return changed
+
+
+def clip_cases(row: Filmed) -> Iterator[Case]:
+    """The references are right, but of another clip; in simulated rows the mast is raised half-way, and its height given as before."""
+    kinds = ("reference", "camera", "motion")
+
+    def swap_sides(clip: Content, _: Filmed) -> None:
+        clip["side"] = other_hand(clip["side"])
+
+    yield Case("sides swapped", of_clip(swap_sides), ANYTHING, kinds=kinds)
+    yield Case("the first half of the clip", of_clip(first_part(1 / 2)), ANYTHING, kinds=kinds)
+    yield Case("the first two thirds of the clip", of_clip(first_part(2 / 3)), ANYTHING, kinds=kinds)
+    yield Case("a gap, times kept", of_clip(gap(True)), ("frames are missing",), kinds=kinds)
+    yield Case("a gap, times rewritten", of_clip(gap(False)), ("frames are missing", "frames seem"), kinds=kinds)
+    more = (*kinds, "support", "residuals", "repeatability", "shape")
+    second = (*ANYTHING, "pass 2", "passes 1 and 2")
+    yield Case("another row's clip", with_passes(lambda _, other: [other]), ANYTHING, kinds=more)
+    yield Case(
+        "another row's clip as a second pass", with_passes(lambda passes, other: [*passes, other]), second, kinds=more
+    )
+    yield Case(
+        "the clip twice, as two passes", with_passes(lambda passes, _: 2 * passes), second[:-1], kinds=(*more, "passes")
+    )
+    if (row.folder / "scene.yaml").is_file():
+        yield Case("the mast raised by 30 cm half-way", of_clip(raised(0.3)), ("camera height", "height"), kinds=kinds)
+
+
+def render_raised(scene: Path, metres: float, clip: Path) -> None:
+    """A scene's footage, from a camera that stands so much higher from the middle on."""
+    built = build(load_scene(scene))
+    path = drive(built.scene.cart, built.scene.seed)
+    share = np.arange(len(path.origins)) / len(path.origins)
+    path.origins[:, 1] += metres * np.clip((share - 0.45) / 0.1, 0.0, 1.0)
+    encode(frames(renderer(built), path, 2), built.scene.cart, clip)
+
+
+DEMO = SITE.parent
 WRONG_SIGMA, WRONG_M = 3.0, 0.01
 ROWS = ("demo", "5000", "5003")
+WORDS = ("right", "SILENTLY WRONG", "FALSE ALARM", "OTHER REASON", "uncheckable")
 
 
 @dataclass(frozen=True)
@@ -81,8 +415,6 @@ PARTS: tuple[Callable[[Filmed], Iterator[Case]], ...] = (
     more_reference_cases,
     unit_cases,
     clip_cases,
-    other_clip_cases,
-    mast_cases,
 )
 """What may be wrong: each part gives the cases for a row."""
 
@@ -184,65 +516,43 @@ def filmed(name: str, folder: Path, other: str) -> Filmed:
     return Filmed(name, place, content, survey, following, next_place, scratch)
 
 
-def chosen(row: Filmed, only: str, part: tuple[int, int]) -> list[Case]:
-    """The cases of a row whose names contain `only`, every so many of them: `part` is (1, 4) for the first of four parts."""
-    cases = [case for part in PARTS for case in part(row) if only in case.name]
-    return cases[part[0] - 1 :: part[1]]
-
-
-def run(
-    rows: Sequence[str], folder: Path, only: str, part: tuple[int, int], done: Set[tuple[str, str]]
-) -> Iterator[dict[str, Any]]:
-    """All chosen cases of all rows, but those that are `done`, by row and case; printed as they end."""
-    others = [*rows[1:], rows[0]] if len(rows) > 1 else [next(one for one in ROWS if one not in rows)]
+def cases_of(rows: Sequence[str], folder: Path, only: str, done: Set[tuple[str, str]]) -> Iterator[dict[str, Any]]:
+    """All cases of all rows whose names contain `only`, but those that are `done`, by row and case; printed as they end."""
+    others = [*rows[1:], rows[0]] if len(rows) > 1 else [next(name for name in ROWS if name not in rows)]
     for name, other in zip(rows, others, strict=True):
         row = filmed(name, folder, other)
-        output = row.scratch
-        if all((name, case.name) in done for case in chosen(row, only, part)):
+        cases = [case for part in PARTS for case in part(row) if only in case.name and (name, case.name) not in done]
+        if not cases:
             continue
-        whole, reason = mapped(copy.deepcopy(row.content), row.folder, output)
-        if whole is None:
-            raise SystemExit(f"row {name} cannot be mapped at all: {reason}")
-        before = Unchanged.of(whole, row.survey)
-        for case in (case for case in chosen(row, only, part) if (name, case.name) not in done):
-            found = ending(case, row, output, before)
-            word = judged(case, found)
-            print(
-                f"{name:6} {case.name:36} {found.grade:8} {100 * found.worst_m:7.1f} cm  {word:15} {(found.reason or found.others)[:150]}",
-                flush=True,
-            )
-            yield {"row": name, "case": case.name, "judged": word, **vars(found)}
+        unchanged, reason = mapped(copy.deepcopy(row.content), row.folder, row.scratch)
+        if unchanged is None:
+            raise SiteError(f"row {name} cannot be mapped at all: {reason}")
+        before = Unchanged.of(unchanged, row.survey)
+        for case in cases:
+            end = ending(case, row, row.scratch, before)
+            word, why = judged(case, end), (end.reason or end.others)[:150]
+            print(f"{name:6} {case.name:36} {end.grade:8} {100 * end.worst_m:7.1f} cm  {word:15} {why}", flush=True)
+            yield {"row": name, "case": case.name, "judged": word, **vars(end)}
 
 
-def _part(text: str) -> tuple[int, int]:
-    number, count = map(int, text.split("/"))
-    if not 0 < number <= count:
-        raise ValueError(text)
-    return number, count
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("--rows", nargs="+", default=ROWS)
-    parser.add_argument("--keep", type=Path, help="keep footage and what was measured in this folder")
     parser.add_argument("--only", default="", help="cases whose name contains this")
-    parser.add_argument(
-        "--part", default="1/1", type=_part, help="such as 2/4: the second of four parts of each row's cases"
-    )
-    parser.add_argument("--resume", action="store_true", help="keep the results that are in the output file")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "physics.json")
-    arguments = parser.parse_args()
-    resumed = arguments.resume and arguments.output.is_file()
-    results = json.loads(arguments.output.read_text(encoding="utf-8")) if resumed else []
+    parser.add_argument("--keep", type=Path, help="keep footage, what was measured and results in this folder")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """How many cases end in which way."""
+    if any(name.isdigit() and is_test("rows", int(name)) for name in given.rows):
+        raise SiteError(f"{given.rows}: rows of the test set are not shown one by one; choose others")
     with tempfile.TemporaryDirectory() as temporary:
-        done = {(one["row"], one["case"]) for one in results}
-        for result in run(arguments.rows, arguments.keep or Path(temporary), arguments.only, arguments.part, done):
+        folder = given.keep or Path(temporary)
+        file = folder / "physics.json"
+        results = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
+        done = {(result["row"], result["case"]) for result in results}
+        for result in cases_of(given.rows, folder, given.only, done):
             results.append(result)
-            write_text(arguments.output, json.dumps(results, indent=2) + "\n")
-    for word in ("FALSE ALARM", "OTHER REASON", "uncheckable"):
-        print(f"{word.lower()}: {sum(one['judged'] == word for one in results)}")
-    print(f"silently wrong: {sum(one['judged'] == 'SILENTLY WRONG' for one in results)}")
-
-
-if __name__ == "__main__":
-    main()
+            write_text(file, json.dumps(results, indent=2) + "\n")
+    chosen = [result["judged"] for result in results if result["row"] in given.rows and given.only in result["case"]]
+    return {"total": {"cases": len(chosen), **{word.lower(): chosen.count(word) for word in WORDS}}}

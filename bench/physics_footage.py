@@ -1,18 +1,15 @@
 """Wrong footage: does a map that cannot be right ever end as `trusted`?
 
-    python bench/physics_footage.py SITE.yaml [SITE.yaml ...] [--ways drives files cameras] [--case NAME ...] [--map all|quiet|none]
-        [-o bench/results/physics_footage.json]
+    python -m bench physics-footage SITE.yaml [SITE.yaml ...] [--ways drives files cameras] [--case NAME ...] [--map all|quiet|none]
 
-Each site's first row is mapped from clips made of its own video: there and back, cuts, gaps and harmless changes (`drives`), the same
+Each site's first row is mapped from clips made of its video: there and back, cuts, gaps and harmless changes (`drives`), the same
 pictures in other files (`files`), and what real cameras give (`cameras`, of simulated rows: `poses.json` beside the site file).
-The footage is looked at first, without networks, as `savmap map` does; where that says nothing (`--map quiet`, the default), or in any
+The footage is examined first, without networks, as `savmap map` does; where that says nothing (`--map quiet`, the default), or in any
 case (`all`), the row is mapped and compared with the survey beside the site file. A case is right where it ends as expected: refused or
-`check` for the true reason, or `trusted` with every edge within 3 standard deviations and a centimetre. The last line counts those that
-end `trusted` and wrong.
+`check` for the true reason, or `trusted` with every edge within 3 standard deviations and a centimetre.
 """
 
 import argparse
-import json
 import re
 import tempfile
 import time
@@ -22,21 +19,18 @@ from typing import Any
 
 import numpy as np
 import yaml
-from physics_cameras import camera_cases
-from physics_files import FILES
-from physics_videos import Frames, Packing, read, write
-from physics_ways import CASES, Case
 
 import savmap
+from bench.baseline import Figures
+from bench.clip_cases import CASES, FILES, Case, camera_cases
+from bench.clips import Frames, Packing, read, write
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_text
 from savmap.pipeline.trust.footage import require_course, require_panoramas
 from savmap.site.load import load_site
 from savmap.types import Doubt, Floats, Structure
 from savmap.video.motion import PassWatch, Steps
 from savmap.video.reader import Clip, panoramas, preview_frames
 
-ROOT = Path(__file__).parent.parent
 WAYS = ("drives", "files", "cameras")
 SIGMAS, SLACK_M = 3.0, 0.01
 
@@ -118,7 +112,7 @@ def judged(case: Case, result: Mapping[str, Any]) -> str:
     return "ok" if re.search(case.words, " ".join(result["reasons"])) else "other reason"
 
 
-def run(case: Case, clip: Path, frames: Frames, site: Path, attitude: Floats, which: str) -> dict[str, Any]:
+def ending_of(case: Case, clip: Path, frames: Frames, site: Path, attitude: Floats, which: str) -> dict[str, Any]:
     """One case on one row, whose changed clip is written already."""
     start = time.perf_counter()
     error, doubts = looked_at(clip, attitude)
@@ -162,30 +156,24 @@ def runs(
             clip = folder / f"clip{packing.suffix}"
             write(clip, case.change(frames, other), packing)
             way = usual_attitude(steps_of(clip), one.side or "left") if case.new_way else attitude
-            yield site.absolute().parent.name, case, run(case, clip, frames, site, way, which)
+            yield site.absolute().parent.name, case, ending_of(case, clip, frames, site, way, which)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("sites", nargs="+", type=Path)
     parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
     parser.add_argument("--case", action="append", default=[])
     parser.add_argument("--map", choices=["all", "quiet", "none"], default="quiet")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "physics_footage.json")
-    arguments = parser.parse_args()
-    results: dict[str, dict[str, Any]] = {}
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """How many cases end in which way."""
+    verdicts = []
     print(f"{'row':10} {'case':36} {'ending':10} {'worst cm':>8} {'verdict':24} reason", flush=True)
     with tempfile.TemporaryDirectory() as scratch:
-        for row, case, result in runs(arguments.sites, arguments.ways, arguments.case, arguments.map, Path(scratch)):
-            results.setdefault(row, {})[case.name] = result
+        for row, case, result in runs(given.sites, given.ways, given.case, given.map, Path(scratch)):
+            verdicts.append(result["verdict"].lower())
             print(line(row, case, result), flush=True)
-            write_text(arguments.output, json.dumps(results, indent=2) + "\n")
-    every = [result["verdict"] for of_row in results.values() for result in of_row.values()]
-    print(
-        f"{len(every)} cases; false alarms: {every.count('false alarm')}, other reasons: {every.count('other reason')}"
-    )
-    print(f"silently wrong: {every.count('SILENTLY WRONG')}")
-
-
-if __name__ == "__main__":
-    main()
+    words = ("silently wrong", "false alarm", "other reason")
+    return {"total": {"cases": len(verdicts), **{word: verdicts.count(word) for word in words}}}

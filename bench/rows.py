@@ -1,47 +1,50 @@
-"""Simulated short rows by random seeds, from footage to scored map: missing, spurious, error, seconds a row.
+"""Made-up rows from footage to scored map: missing, spurious, error, verdict.
 
-    python bench/rows.py [--count 20] [--seed 1000] [--frames 40] [--style grey] [--times 6] [--gap 3.2] [--references camera] [--row second] [--keep DIR] [-o bench/results/rows.json]
+    python -m bench rows [--set dev] [--count 20] [--family "grey rows"] [--references camera] [--row second] [--keep DIR]
 
-Nobody looks at a row beforehand; footage already in DIR is used again. Style `grey`: beams and decks of one grey in flat light.
---times: each row's bays so many times over, and so many times the frames, for long rows. --gap: with a bay without beams, so many metres
-wide, in the middle: a passage, or a column of the hall between two racks. --references: all that the footage comes with (camera height, lowest beams, a length),
-`length` (camera height and length), or `camera` (its height alone), which is what most users have at first.
---row: the row on the left of the drive (`first`), or that on the right, which is another random rack beside the same footage,
-where the drive goes past the whole of it.
+Families: `rows` are random short ones; `grey rows` have beams and decks of one grey in flat light; of `long rows` the bays come six times over;
+`interrupted rows` have a bay without beams, 3.2 m wide, in the middle. `--references`: all that the footage comes with (camera height, lowest
+beams, a length), `length` (camera height and length), or `camera` (its height only), which is what most users have at first. `--row second` maps
+the rack on the right of the drive, another random one, where the drive goes past all of it. Footage already in DIR is used again.
 """
 
 import argparse
 import json
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from row_scenes import greyed, interrupted, lengthened
 
 import savmap
+from bench.baseline import Figures
+from bench.seeds import SETS, is_test, seeds
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_text
 from savmap.lab.sim.random_row import random_row
+from savmap.lab.sim.scene.files import Scene, parse_scene
 from savmap.lab.sim.simulate import simulate
 from savmap.report.evaluation import as_json
 
-ROOT = Path(__file__).parent.parent
+FAMILIES = ("rows", "grey rows", "long rows", "interrupted rows")
 ROWS = ("first", "second")
 """The rows of a simulated aisle, left and right of the drive."""
-SLACK_M = 0.3
+SLACK_M, TIMES, GAP_M = 0.3, 6, 3.2
 
 
-def footage(seed: int, frames: int, folder: Path, style: str = "any", times: int = 1, gap: float = 0.0) -> Path:
-    """The site file of a random row's footage, made unless it is there."""
+def footage(seed: int, frames: int, folder: Path, family: str = "rows") -> Path:
+    """The site file of a random row's footage, made unless it exists."""
     site = folder / "site.yaml"
     if not site.is_file():
         scene = random_row(seed, frames)
-        scene = greyed(scene, seed) if style == "grey" else scene
-        scene = lengthened(scene, times) if times > 1 else scene
-        simulate(interrupted(scene, gap) if gap else scene, folder)
+        changed = {
+            "grey rows": lambda: greyed(scene, seed),
+            "long rows": lambda: lengthened(scene, TIMES),
+            "interrupted rows": lambda: interrupted(scene, GAP_M),
+        }
+        simulate(changed[family]() if family in changed else scene, folder)
     return site
 
 
@@ -89,12 +92,12 @@ def score(site: Path, output: Path) -> dict[str, Any]:
     return {**figures, "seconds": time.perf_counter() - start}
 
 
-def is_whole(figures: dict[str, Any]) -> bool:
+def is_whole(figures: Mapping[str, Any]) -> bool:
     """Whether a row's map misses nothing and invents nothing, lamps as well as the racks' elements."""
     return "error" not in figures and counted(figures) == (0, 0)
 
 
-def counted(figures: dict[str, Any]) -> tuple[int, int]:
+def counted(figures: Mapping[str, Any]) -> tuple[int, int]:
     """How many elements a row's map misses, and how many it invents."""
     lamps = figures.get("lights", {})
     return (
@@ -103,48 +106,113 @@ def counted(figures: dict[str, Any]) -> tuple[int, int]:
     )
 
 
-def line(seed: int, figures: dict[str, Any]) -> str:
-    """One row of the table."""
+def line(seed: int, figures: Mapping[str, Any]) -> str:
+    """A printed row of the table."""
     if "error" in figures:
         return f"{seed:6d}  {figures['error'][:100]}"
     missing, spurious = counted(figures)
-    lamps = figures.get("lights", {})
-    lamp_text = f"{100 * lamps['mae_m']:8.2f}" if lamps.get("mae_m") is not None else "       -"
-    return f"{seed:6d} {missing:8d} {spurious:9d} {100 * figures['mae_m']:8.2f} {lamp_text} {figures['seconds']:9.1f}  {figures['verdict']}"
+    lamps = figures.get("lights", {}).get("mae_m")
+    lamp_text = f"{100 * lamps:8.2f}" if lamps is not None else "       -"
+    error, seconds = 100 * figures["mae_m"], figures["seconds"]
+    return f"{seed:6d} {missing:8d} {spurious:9d} {error:8.2f} {lamp_text} {seconds:9.1f}  {figures['verdict']}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1000)
+def totals(results: Mapping[int, Mapping[str, Any]]) -> Figures:
+    """Figures over all rows; errors are those of mapped rows."""
+    mapped = [figures for figures in results.values() if "error" not in figures]
+    counts = np.array([counted(figures) for figures in mapped], np.int64).reshape(-1, 2).sum(axis=0)
+    lamps = [figures["lights"]["mae_m"] for figures in mapped if figures.get("lights", {}).get("mae_m") is not None]
+    errors = [100 * figures["mae_m"] for figures in mapped if figures["mae_m"] is not None]
+    total: dict[str, float] = {
+        "rows": len(results),
+        "whole": sum(is_whole(figures) for figures in results.values()),
+        "trusted": sum(figures["verdict"] == "trusted" for figures in mapped),
+        "refused": len(results) - len(mapped),
+        "missing": int(counts[0]),
+        "spurious": int(counts[1]),
+    }
+    if errors:
+        total |= {"mean cm": float(np.mean(errors)), "largest cm": max(errors)}
+    if lamps:
+        total["lamps cm"] = 100 * float(np.mean(lamps))
+    return {"total": total | {"seconds a row": float(np.mean([one["seconds"] for one in results.values()]))}}
+
+
+def lengthened(scene: Scene, times: int) -> Scene:
+    """The scene with the first rack's bays so many times over, the others, the hall and the drive longer by as much."""
+    content = scene.model_dump(mode="json")
+    racks, cart = content["structures"]["shelves"]["rows"], content["cart"]
+    more = (times - 1) * _length(next(iter(racks.values())))
+    for name, rack in racks.items():
+        before, bays = _length(rack), rack["bays"]
+        count = max(1, round(len(bays) * (before + more) / before))
+        rack["bays"] = [bays[number % len(bays)] for number in range(count)]
+        if content["rows"][name]["facing"] == "-z":
+            content["rows"][name]["x"] += _length(rack) - before
+    content["hall"]["x"][1] += more + 6.0
+    cart["start" if cart["start"][0] > cart["end"][0] else "end"][0] += more
+    cart["frames"] *= times
+    return parse_scene(content, "long row")
+
+
+def _length(rack: Mapping[str, Any]) -> float:
+    """m."""
+    return float(sum(bay["width"] for bay in rack["bays"]))
+
+
+def greyed(scene: Scene, seed: int) -> Scene:
+    """The scene with its racks' beams and decks in one grey, under light that comes from everywhere."""
+    rng = np.random.default_rng([seed, 9])
+    content = scene.model_dump(mode="json")
+    for rack in content["structures"]["shelves"]["rows"].values():
+        grey = float(rng.uniform(0.3, 0.6))
+        post = grey if rng.random() < 0.5 else float(rng.uniform(0.1, 0.7))
+        rack |= {"beam_color": [grey] * 3, "deck_color": [grey * float(rng.uniform(0.93, 1.07))] * 3, "deck": "steel"}
+        rack |= {"upright_color": [post] * 3, "beam_texture": "plain", "metallic": 0.0, "labels": 0.0}
+    content["look"] |= {"ambient": 0.6, "contrast": 0.9}
+    return parse_scene(content, f"grey row {seed}")
+
+
+def interrupted(scene: Scene, gap: float) -> Scene:
+    """The scene with a bay without beams, so many metres wide, in the middle of the first rack; the hall and the drive longer by as much.
+
+    Racks behind stay as they are, and are seen through it."""
+    content = scene.model_dump(mode="json")
+    rack, cart = next(iter(content["structures"]["shelves"]["rows"].values())), content["cart"]
+    before, more = abs(cart["end"][0] - cart["start"][0]), gap + rack["upright_width"]
+    rack["bays"].insert(len(rack["bays"]) // 2, {"width": gap, "beams": [], "empty": True})
+    content["hall"]["x"][1] += more
+    cart["start" if cart["start"][0] > cart["end"][0] else "end"][0] += more
+    cart["frames"] = round(cart["frames"] * (before + more) / before)
+    return parse_scene(content, "interrupted row")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument(
+        "--set", choices=SETS, default="dev", help="of seeds; rows of `test` are printed as totals only"
+    )
+    parser.add_argument("--count", type=int, help="of rows; all of the set")
+    parser.add_argument("--family", choices=FAMILIES, default=FAMILIES[0])
     parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--style", choices=["any", "grey"], default="any")
-    parser.add_argument("--times", type=int, default=1)
-    parser.add_argument("--gap", type=float, default=0.0)
     parser.add_argument("--references", choices=["all", "length", "camera"], default="all")
     parser.add_argument("--row", choices=ROWS, default=ROWS[0], help="the row on the left or on the right of the drive")
     parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "rows.json")
-    arguments = parser.parse_args()
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Map each row of the set."""
     results: dict[int, dict[str, Any]] = {}
     print("  seed  missing  spurious  MAE cm  lamps cm  seconds  verdict", flush=True)
     with tempfile.TemporaryDirectory() as temporary:
-        base = arguments.keep or Path(temporary)
-        for seed in range(arguments.seed, arguments.seed + arguments.count):
-            folder = base / (f"row-{seed}" if arguments.style == "any" else f"{arguments.style}-{seed}")
-            folder = folder.with_name(f"{folder.name}-x{arguments.times}") if arguments.times > 1 else folder
-            folder = folder.with_name(f"{folder.name}-gap{arguments.gap:g}") if arguments.gap else folder
-            made = footage(seed, arguments.frames, folder, arguments.style, arguments.times, arguments.gap)
-            site = only_one_row(made, arguments.row, arguments.references)
+        base = given.keep or Path(temporary)
+        for seed in seeds(given.family, given.set, given.count):
+            folder = base / f"{given.family.replace(' ', '-')[:-1]}-{seed}"
+            made = footage(seed, given.frames, folder, given.family)
+            site = only_one_row(made, given.row, given.references)
             if site is None:
-                print(f"{seed:6d}  no rack on that side, or not driven past from end to end")
-                continue
-            results[seed] = score(site, folder / ("out" if arguments.row == ROWS[0] else f"out-{arguments.row}"))
-            print(line(seed, results[seed]), flush=True)
-    whole = sum(is_whole(figures) for figures in results.values())
-    print(f"{whole} of {len(results)} rows without a missing or spurious element")
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+                continue  # no rack on that side, or not driven past from end to end
+            results[seed] = score(site, folder / ("out" if given.row == ROWS[0] else f"out-{given.row}"))
+            if not is_test(given.family, seed):
+                print(line(seed, results[seed]), flush=True)
+    return totals(results) if results else {}

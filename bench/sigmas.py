@@ -1,14 +1,12 @@
 """Are the standard deviations of maps of footage true? Normalised errors (estimate - truth) / sigma, class by class.
 
-    python bench/sigmas.py SITE ... [--keep DIR] [-o bench/results/sigmas.json]
+    python -m bench sigmas SITE ... [--keep DIR]
 
-Maps the first row of each site that has a survey. Printed, by class of figure: the errors' root mean square, mm, the usual sigma, mm, and
-the normalised errors' root mean square, which should be 0.7 to 1.4; and by how much the pictures' variances were inflated. What was measured
-in the pictures is kept in DIR, and used again there.
+Maps the first row of each site that has a survey. By class of figure: the errors' root mean square, mm, the usual sigma, mm, and the normalised
+errors' root mean square, which should be 0.7 to 1.4. What was measured in the pictures is kept in DIR, and used again there.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.baseline import Figures
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_bytes, write_text
+from savmap.files.atomic import write_bytes
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.tasks import request_for
 from savmap.maps.survey import read_survey
@@ -28,7 +27,6 @@ from savmap.types import Floats, RowMap, Structure
 from savmap.types.progress import NoteCollector
 from savmap_shelves.mapping import Elements, sections_of, uprights_of
 
-ROOT = Path(__file__).parent.parent
 UPRIGHT_M, BEAM_M, LAMP_M = 0.5, 0.15, 1.0
 KINDS = ("upright x", "upright width", "beam y", "beam height", "lamp x", "lamp y", "lamp z")
 BY_CONVENTION_M = 1e-3
@@ -56,38 +54,28 @@ def mapped(site: Path, keep: Path | None) -> tuple[RowMap, Mapping[str, Any]]:
     return row, read_survey(job.site.survey).rows[name]
 
 
-def figures(row: RowMap, survey: Mapping[str, Any]) -> Iterator[Figure]:
-    """All that the map says with a sigma and the survey says too, of elements that both have."""
-    yield from (figure for _, figure in figures_of(row, survey))
-
-
 def figures_of(row: RowMap, survey: Mapping[str, Any]) -> Iterator[NamedFigure]:
-    """The same, each with the id of its element."""
+    """All that the map says with a sigma and the survey says too, of elements that both have, each with the id of its element."""
     structures = row.structures.get("shelves", ())
     by_id = {structure.id: structure for structure in structures}
-    yield from _of_uprights(uprights_of(structures), by_id, np.array(survey["uprights"]))
+    yield from _of_elements(
+        uprights_of(structures), by_id, np.array(survey["uprights"]), KINDS[:2], ("left", "right"), UPRIGHT_M
+    )
     bays = np.array(survey["uprights"]).mean(axis=1)
     for section in sections_of(structures):
         number = int(np.searchsorted(bays, section.extent.mean())) - 1
         if 0 <= number < len(survey["sections"]):
-            yield from _of_beams(section.beams, by_id, np.array(survey["sections"][number]["beams"]))
+            truth = np.array(survey["sections"][number]["beams"])
+            yield from _of_elements(section.beams, by_id, truth, KINDS[2:4], ("lower", "upper"), BEAM_M)
     ends = np.array([lamp["ends"] for lamp in survey.get("lights", [])]).reshape(-1, 2, 3)
     yield from _of_lamps(row.structures.get("lights", ()), ends.mean(axis=1))
-
-
-def _of_uprights(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[NamedFigure]:
-    yield from _of_elements(found, by_id, truth, ("upright x", "upright width"), ("left", "right"), UPRIGHT_M)
-
-
-def _of_beams(found: Elements, by_id: Mapping[str, Structure], truth: Floats) -> Iterator[NamedFigure]:
-    yield from _of_elements(found, by_id, truth, ("beam y", "beam height"), ("lower", "upper"), BEAM_M)
 
 
 def _of_elements(
     found: Elements,
     by_id: Mapping[str, Structure],
     truth: Floats,
-    kinds: tuple[str, str],
+    kinds: Sequence[str],
     sides: tuple[str, str],
     gate_m: float,
 ) -> Iterator[NamedFigure]:
@@ -126,47 +114,24 @@ def by_kind(found: Sequence[Figure]) -> dict[str, dict[str, float]]:
             rms = float(np.sqrt(np.mean(pairs[:, 0] ** 2)))
             spread = float(np.sqrt(np.mean((pairs[:, 0] / pairs[:, 1]) ** 2)))
             sigma = float(np.median(pairs[:, 1]))
-            table[kind] = {"count": len(pairs), "error_mm": 1e3 * rms, "sigma_mm": 1e3 * sigma, "spread": spread}
+            table[kind] = {"count": len(pairs), "error mm": 1e3 * rms, "sigma mm": 1e3 * sigma, "error / sigma": spread}
     return table
 
 
-def line(name: str, table: Mapping[str, Mapping[str, float]], factor: str) -> str:
-    """A row of the printed table: error / sigma, both mm, = spread."""
-    empty = f"{'-':>20}"
-    cells = (
-        f"{cell['error_mm']:6.1f}/{cell['sigma_mm']:5.1f} = {cell['spread']:4.2f}".rjust(20) if cell else empty
-        for cell in (table.get(kind) for kind in KINDS)
-    )
-    return f"{name[:22]:22}" + "".join(cells) + f"  {factor}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("sites", nargs="+", type=Path)
     parser.add_argument("--keep", type=Path, help="keep what was measured in this folder")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "sigmas.json")
-    arguments = parser.parse_args()
-    results: dict[str, Any] = {}
-    everything: list[Figure] = []
-    print(
-        f"{'rms / sigma mm = ratio':22}" + "".join(f"{kind:>20}" for kind in KINDS) + "  variance factors", flush=True
-    )
-    for site in arguments.sites:
-        name = site.absolute().parent.name
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Figures over all sites together."""
+    every: list[Figure] = []
+    for site in given.sites:
         try:
-            row, survey = mapped(site, arguments.keep)
+            row, survey = mapped(site, given.keep)
         except SavmapError as error:
-            print(f"{name[:22]:22}{error}"[:140], flush=True)
+            print(f"{site}: {error}"[:140], flush=True)
             continue
-        found = list(figures(row, survey))
-        everything += found
-        factors = {key: value for key, value in row.report.items() if key.startswith("variance_inflation")}
-        results[name] = {"classes": by_kind(found), "factors": factors}
-        print(line(name, results[name]["classes"], " ".join(f"{value:.3g}" for value in factors.values())), flush=True)
-    results["all"] = {"classes": by_kind(everything)}
-    print(line("all", results["all"]["classes"], ""))
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+        every += [figure for _, figure in figures_of(row, survey)]
+    return by_kind(every)

@@ -1,7 +1,6 @@
-"""Signs of made-up rows, mapped: how many of the legible ones are found and read exactly, how far their corners are off, and
-whether any text is made up.
+"""Signs of made-up rows, mapped: how many legible ones are found and read, how far their corners are off, and is any text made up?
 
-    python bench/signs.py --seeds 6100 --frames 40 --width 4096 -o out/signs
+    python -m bench signs [--set dev] [--count 6] [--frames 36] [--width 4096] [--keep DIR]
 
 A row as `random_row` makes it gets a bay sign (30 x 15 cm) at every upright, in some rows with an AprilTag, and signs (80 x 40 cm)
 that hang across the aisle. A sign counts as legible where it was in sight, whole and clear of goods, in three frames or more with
@@ -9,7 +8,7 @@ letters at least 8 pixels of the panorama high. "inside": the corners' coordinat
 """
 
 import argparse
-import json
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ import numpy as np
 import yaml
 
 import savmap
-from savmap.files.atomic import write_text
+from bench.baseline import Figures
+from bench.seeds import SETS, is_test, seeds
 from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.random_row import random_row
 from savmap.lab.sim.render.raycast import Caster
@@ -153,23 +153,33 @@ def line(seed: int, figures: Mapping[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[6100])
-    parser.add_argument("--frames", type=int, default=40)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("--set", choices=SETS, default="dev", help="of seeds")
+    parser.add_argument("--count", type=int, help="of rows; all of the set")
+    parser.add_argument("--frames", type=int, default=36)
     parser.add_argument("--width", type=int, default=4096)
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("out/signs"), help="keeps footage, maps and signs.json"
-    )
-    options = parser.parse_args()
+    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Figures over all rows; a line for each of `dev`."""
+    results = []
     print("  seed  signs  legible  found  read  mean cm  95 % cm   max cm  inside %  invented  spurious", flush=True)
-    results = {}
-    for seed in options.seeds:
-        results[seed] = figures_of(seed, options.frames, options.width, options.output / f"row-{seed}")
-        print(line(seed, results[seed]), flush=True)
-    write_text(options.output / "signs.json", json.dumps(results, indent=2) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+    with tempfile.TemporaryDirectory() as temporary:
+        for seed in seeds("signs", given.set, given.count):
+            folder = (given.keep or Path(temporary)) / f"row-{seed}"
+            results.append(figures_of(seed, given.frames, given.width, folder))
+            if not is_test("signs", seed):
+                print(line(seed, results[-1]), flush=True)
+    corners = np.concatenate([result["corners_m"] for result in results])
+    counts = ("signs", "legible", "found", "read", "spurious")
+    return {
+        "total": {
+            **{name: sum(result[name] for result in results) for name in counts},
+            "invented": sum(len(result["invented"]) for result in results),
+            "mean cm": 100 * float(corners.mean()),
+            "95 % cm": 100 * float(np.percentile(corners, 95)),
+            "largest cm": 100 * float(corners.max()),
+        }
+    }

@@ -1,40 +1,197 @@
 """A whole site at observation level, from start to site map: 46 rows of 15 sections, 23 aisles, racks with two faces.
 
-    python bench/site46.py [--rows 46] [--sections 15] [--frames-a-section 20] [--jobs 2] [-o bench/results/site46]
+    python -m bench site46 [--rows 46] [--sections 15] [--frames-a-section 20] [--jobs 2] [--keep DIR]
 
-Each row is mapped by the program's own tracking, constraints and solve from masks' edges with the errors of `PAPER`, with references
-off by their own sigmas (camera height 2 cm, lowest edges 2 mm, length 3 mm, two widths 1 mm). The rows are put into one frame
-(`savmap.assembly`) from places good to 20 cm and half a degree. Printed: rows, what of time and memory grows from the first row to
-the last, the table of errors over all rows, the places' errors before and after. Written: map.json, errors.png, figures.json.
-Ends with 1 if more than one element in a thousand is missing or spurious.
+Each row is mapped by the program's tracking, constraints and solve from masks' edges with the errors of `PAPER`, with references off by
+their sigmas (camera height 2 cm, lowest edges 2 mm, length 3 mm, two widths 1 mm). The rows are put into one frame (`savmap.assembly`)
+from places good to 20 cm and half a degree. Printed: rows, what of time and memory grows from the first row to the last, the table of errors
+over all rows, the places' errors before and after. `--keep` writes map.json and errors.png into DIR. The paper: 46 rows, 736 vertical and 4920
+horizontal elements, 2890 element and 2547 gap widths, 4.8 cm.
 """
 
 import argparse
-import json
 import multiprocessing
 import resource
-import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from site_rows import Task, driven_row, mapped_row, prior
 
-from savmap.assembly import Assembly, assembled, site_lines
+from bench.baseline import Figures
+from bench.observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, DrivenRow, Mapped, given, mapped, rack
+from savmap.assembly import Assembly, assembled
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_text
+from savmap.lab.sim.drive.cart import drive
+from savmap.lab.sim.observations import PAPER
+from savmap.lab.sim.scene.build import build
+from savmap.lab.sim.scene.files import parse_scene
 from savmap.maps.map_file import write_map
+from savmap.pipeline.records import RowMeasurements
 from savmap.plugin.manager import open_plugin
-from savmap.report.evaluation import as_table, mean_absolute_error, score_json
+from savmap.report.evaluation import as_table, mean_absolute_error
 from savmap.report.picture import write_box_plot
-from savmap.types import Evaluation, Floats, Placement, RowMap, Score, SiteMap, pool
+from savmap.types import (
+    Evaluation,
+    Floats,
+    FrameTable,
+    Placement,
+    RowFacts,
+    RowMap,
+    Score,
+    SiteMap,
+    Structure,
+    ViewSpec,
+    pool,
+)
+from savmap.vision.markers import MarkerTracks
+from savmap_shelves.constraints import GridSettings
+from savmap_shelves.lab.observed import observe, observed_features
 
-ROOT = Path(__file__).parent.parent
-ALLOWED = 1e-3
-PAPER_COUNTS = "the paper: 46 rows, 736 vertical and 4920 horizontal elements, 2890 element and 2547 gap widths, 4.8 cm"
+AISLE_M, PITCH_M = 3.0, 4.2
+UPRIGHT_M = 0.1
+LAMP_STEP_M, LAMP_Y_M = 3.4, 8.4
+LAMP_SIGMA_M = np.array([0.03, 0.05, 0.03])
+PLACE_SIGMA_M, PLACE_SIGMA_DEG = 0.2, 0.5
+APART = 3
+
+
+@dataclass(frozen=True)
+class Task:
+    """Row `number`, from 0: the left face of aisle number / 2, or the right one."""
+
+    number: int
+    sections: int
+    frames_a_section: int
+
+    @property
+    def aisle(self) -> int:
+        return self.number // 2
+
+    @property
+    def side(self) -> str:
+        return "LR"[self.number % 2]
+
+    @property
+    def name(self) -> str:
+        return f"{self.aisle + 1}{self.side}"
+
+    @property
+    def recording(self) -> Hashable:
+        """The drive: one an aisle, but one a face in every third aisle."""
+        alone = self.side if self.aisle % APART == APART - 1 else ""
+        return f"aisle {self.aisle + 1}{alone}"
+
+    @property
+    def place(self) -> Placement:
+        """Where the row truly stands."""
+        right = self.side == "R"
+        x = length_of(widths(self.aisle + 1, self.sections)) if right else 0.0
+        z = PITCH_M * self.aisle + (AISLE_M if right else 0.0)
+        return Placement(x, z, 180.0 if right else 0.0, np.zeros((3, 3)))
+
+
+def widths(number: int, sections: int) -> list[float]:
+    """Clear widths of a rack's bays along the site's x; rack k's faces look into aisles k - 1 and k."""
+    clear = np.random.default_rng([number, 4646]).normal(3.55, 0.005, sections)
+    return [round(float(width), 4) for width in clear]
+
+
+def length_of(clear: list[float]) -> float:
+    """From the first upright's outer edge to the last one's."""
+    return sum(clear) + (len(clear) + 1) * UPRIGHT_M
+
+
+def driven_row(task: Task) -> DrivenRow:
+    """What a camera saw of the row, from its drive through the aisle."""
+    racks = {}
+    for side, number in (("L", task.aisle), ("R", task.aisle + 1)):
+        clear = widths(number, task.sections)
+        shelves = rack(np.random.default_rng([task.aisle, "LR".index(side), 46]), task.sections, (5, 11))
+        shelves["bays"] = [
+            {**bay, "width": w} for bay, w in zip(shelves["bays"], clear[:: 1 if side == "L" else -1], strict=True)
+        ]
+        racks[side] = shelves
+    length = length_of(widths(task.aisle + 1, task.sections))
+    seed = hash_of(task.recording)
+    scene = parse_scene(
+        {
+            "seed": task.aisle,
+            "hall": {"x": [-8.0, length + 8.0], "z": [-4.0, AISLE_M + 4.0], "height": 9.0},
+            "goods": {"density": 0.0},
+            "cart": cart(length, task, seed),
+            "rows": {"L": {"x": 0.0, "z": 0.0}, "R": {"x": length, "z": AISLE_M, "facing": "-z"}},
+            "structures": {"shelves": {"rows": racks}},
+        }
+    )
+    built, path = build(scene), drive(scene.cart, seed)
+    right = task.side == "R"
+    view = replace(VIEW, yaw_deg=90.0) if right else VIEW
+    edges = observe(built, task.side, path, view, PAPER, 1000 + task.number)
+    features = [feature for frame in edges for feature in observed_features(frame, view, PAPER.sigma_px)]
+    measurements = observations(task.name, path.stamps_s, view, features, -1 if right else 1)
+    return DrivenRow(built, path, measurements, task.side)
+
+
+def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any], travel: int) -> RowMeasurements:
+    """What one pass saw of a row in which the camera went along x or back."""
+    facts = RowFacts(name, FrameTable(stamps_s, ("pass 1",) * len(stamps_s)), {view.name: view}, {"pass 1": travel})
+    facing = np.diag([travel, 1.0, travel]) @ FACING
+    return RowMeasurements(
+        facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), MarkerTracks({}, {})
+    )
+
+
+def cart(length: float, task: Task, seed: int) -> dict[str, Any]:
+    """The drive through the aisle."""
+    return {
+        "start": [-1.0, AISLE_M / 2],
+        "end": [length + 1.0, AISLE_M / 2],
+        "height": float(np.random.default_rng([seed, 46]).normal(3.0, 0.02)),
+        "frames": task.frames_a_section * (task.sections + 1),
+        "sway": 0.06,
+        "speed_variation": 0.3,
+    }
+
+
+def hash_of(recording: Hashable) -> int:
+    """A seed that is the same for all rows of a drive."""
+    return int.from_bytes(str(recording).encode()[-6:], "big")
+
+
+def mapped_row(task: Task, driven: DrivenRow) -> tuple[Mapped, RowMap]:
+    """The row's map by the program's way, with lamps beside the shelves."""
+    known = given(driven, np.random.default_rng([task.number, 7]))
+    row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
+    facts, solution = driven.measurements.facts, row.solution
+    structures = {"shelves": tuple(row.structures), "lights": tuple(lamps(task))}
+    return row, RowMap(
+        task.name, facts.frames, facts.views, solution.trajectory, structures, solution.references, solution.report
+    )
+
+
+def lamps(task: Task) -> Iterator[Structure]:
+    """The lamps over the aisle, as the row might have mapped them."""
+    x = np.arange(1.7, length_of(widths(task.aisle, task.sections)), LAMP_STEP_M)
+    z = PITCH_M * task.aisle + AISLE_M / 2
+    place = np.linalg.inv(task.place.site_from_row)
+    points = np.stack([x, np.full(len(x), LAMP_Y_M), np.full(len(x), z)], axis=1) @ place[:3, :3].T + place[:3, 3]
+    rng = np.random.default_rng([task.number, 8])
+    for number, point in enumerate(points[np.argsort(points[:, 0])], start=1):
+        off = rng.normal(0, LAMP_SIGMA_M)
+        covariance = np.diag(LAMP_SIGMA_M**2)[None]
+        edges = np.zeros((0, 2), np.int64)
+        yield Structure(f"light {number}", "light", (point + off)[None], covariance, ("centre",), edges)
+
+
+def prior(task: Task) -> Placement:
+    """Where the row is said to stand, off by its own sigmas."""
+    rng = np.random.default_rng([task.number, 9])
+    place, sigma = task.place, np.array([PLACE_SIGMA_M, PLACE_SIGMA_M, PLACE_SIGMA_DEG])
+    x, z, heading = np.array([place.x_m, place.z_m, place.heading_deg]) + rng.normal(0, sigma)
+    return Placement(float(x), float(z), float(heading), np.diag(sigma**2))
 
 
 @dataclass(frozen=True)
@@ -79,26 +236,11 @@ def line(number: int, result: Result) -> str:
 
 
 def trends(results: Sequence[Result]) -> dict[str, float]:
-    """Means over the first and the last fifth of the rows (the first row of each worker left out for memory: there it grows to its
-    size), and slopes a row with their standard errors."""
+    """Mean seconds and memory over the first and the last fifth of the rows."""
     fifth = max(len(results) // 5, 1)
-    trend: dict[str, float] = {}
-    for name in ("seconds", "peak_mb"):
-        values = np.array([getattr(result, name) for result in results])
-        slope, error = _slope(values)
-        trend |= {f"{name} first": float(values[:fifth].mean()), f"{name} last": float(values[-fifth:].mean())}
-        trend |= {f"{name} slope": slope, f"{name} slope sigma": error}
-    return trend
-
-
-def _slope(values: Floats) -> tuple[float, float]:
-    steps = np.arange(len(values)) - (len(values) - 1) / 2
-    spread = float(steps @ steps)
-    if len(values) < 3:
-        return 0.0, float("inf")
-    slope = float(steps @ values) / spread
-    left = values - values.mean() - slope * steps
-    return slope, float(np.sqrt(left @ left / (len(values) - 2) / spread))
+    parts = {"first": results[:fifth], "last": results[-fifth:]}
+    seconds = {f"s a row, {name}": float(np.mean([one.seconds for one in part])) for name, part in parts.items()}
+    return seconds | {f"peak MB, {name}": float(np.mean([one.peak_mb for one in part])) for name, part in parts.items()}
 
 
 def site_of(results: Sequence[Result]) -> tuple[Assembly, float]:
@@ -151,31 +293,6 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-def shares(results: Sequence[Result], score: Score) -> dict[str, float]:
-    """Elements missing and spurious, of all there are."""
-    count = sum(sum(result.elements.values()) for result in results)
-    missing, spurious = (sum(counts.values()) for counts in (score.missing, score.spurious))
-    return {
-        "elements": count,
-        "missing": missing,
-        "spurious": spurious,
-        "missing or spurious": (missing + spurious) / count,
-    }
-
-
-def table(results: Sequence[Result], score: Score) -> str:
-    """The paper's figures beside those over all rows."""
-    vertical, horizontal = (sum(result.elements[kind] for result in results) for kind in ("upright", "beam"))
-    widths, gaps = (
-        sum(len(errors) for name, errors in score.errors.items() if name.endswith(what)) for what in ("element", "gap")
-    )
-    ours = f"here: {len(results)} rows, {vertical} vertical and {horizontal} horizontal elements, "
-    error = f"{100 * (mean_absolute_error(score) or 0.0):.2f} cm"
-    return (
-        f"{PAPER_COUNTS}\n{ours}{widths} element and {gaps} gap widths, {error}\n{as_table(Evaluation({'all': score}))}"
-    )
-
-
 def mapped_rows(tasks: Sequence[Task], jobs: int) -> list[Result]:
     """All rows, in worker processes that live to the end, so that what they do not give back would show."""
     print(
@@ -190,68 +307,42 @@ def mapped_rows(tasks: Sequence[Task], jobs: int) -> list[Result]:
     return results
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("--rows", type=int, default=46)
     parser.add_argument("--sections", type=int, default=15)
     parser.add_argument("--frames-a-section", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "site46")
-    arguments = parser.parse_args()
-    tasks = [Task(number, arguments.sections, arguments.frames_a_section) for number in range(arguments.rows)]
-    results = mapped_rows(tasks, arguments.jobs)
-    score = pool(result.score for result in results)
+    parser.add_argument("--keep", type=Path, help="a folder for the map and a picture of the errors")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Figures of all rows and of the assembled site."""
+    tasks = [Task(number, given.sections, given.frames_a_section) for number in range(given.rows)]
+    results = mapped_rows(tasks, given.jobs)
     assembly, seconds = site_of(results)
-    figures = print_site(results, score, assembly, seconds)
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    write_map(assembly.site_map, arguments.output / "map.json")
-    write_box_plot(Evaluation({result.task.name: result.score for result in results}), arguments.output / "errors.png")
-    write_text(arguments.output / "figures.json", json.dumps(figures, indent=2) + "\n")
-    return int(figures["counts"]["missing or spurious"] > ALLOWED)
+    if given.keep:
+        given.keep.mkdir(parents=True, exist_ok=True)
+        write_map(assembly.site_map, given.keep / "map.json")
+        write_box_plot(Evaluation({result.task.name: result.score for result in results}), given.keep / "errors.png")
+    return figures_of(results, assembly, seconds)
 
 
-def print_site(results: Sequence[Result], score: Score, assembly: Assembly, seconds: float) -> dict[str, Any]:
-    """Print what there is to say of all rows and of the site, and give it back."""
-    trend, counts = trends(results), shares(results, score)
-    print(
-        f"\ntime a row: {trend['seconds first']:.1f} s in the first fifth, {trend['seconds last']:.1f} s in the last; "
-        f"{1e3 * trend['seconds slope']:+.0f} +- {1e3 * trend['seconds slope sigma']:.0f} ms a row"
-    )
-    print(
-        f"peak memory: {trend['peak_mb first']:.0f} MB in the first fifth, {trend['peak_mb last']:.0f} MB in the last; "
-        f"{trend['peak_mb slope']:+.2f} +- {trend['peak_mb slope sigma']:.2f} MB a row"
-    )
-    verdict = "within" if counts["missing or spurious"] <= ALLOWED else "BEYOND"
-    print(
-        f"{counts['missing']} missing and {counts['spurious']} spurious of {counts['elements']}: {verdict} 1 in 1000\n"
-    )
-    print(table(results, score))
-    known = {result.task.name: prior(result.task) for result in results}
-    before, after = squareness(known, results), squareness(assembly.site_map.placements, results)
-    print(
-        f"assembly of {len(assembly.site_map.placements)} rows: {seconds:.2f} s; errors (rms) as given, and assembled"
-    )
-    for name, value in after.items():
-        print(f"  {name:<26}{before[name]:10.4f}{value:10.4f}")
-    print("\n".join([*assembly.notes, *site_lines(assembly.site_map)]))
+def figures_of(results: Sequence[Result], assembly: Assembly, seconds: float) -> Figures:
+    """Figures of all rows and of the site."""
+    score = pool(result.score for result in results)
+    print(as_table(Evaluation({"all": score})))
+    stated = {result.task.name: prior(result.task) for result in results}
+    before, after = squareness(stated, results), squareness(assembly.site_map.placements, results)
     return {
-        "trend": trend,
-        "counts": counts,
-        "score": score_json(score),
-        "places given": before,
-        "places": after,
-        "assembly seconds": seconds,
-        "rows": {
-            result.task.name: {
-                **score_json(result.score),
-                "seconds": result.seconds,
-                "peak_mb": result.peak_mb,
-                "error": result.error,
-            }
-            for result in results
+        "as given": before,
+        "assembled": after,
+        "total": {
+            "elements": sum(sum(result.elements.values()) for result in results),
+            "missing": sum(score.missing.values()),
+            "spurious": sum(score.spurious.values()),
+            "mean cm": 100 * (mean_absolute_error(score) or float("nan")),
+            **trends(results),
+            "assembly s": seconds,
         },
     }
-
-
-if __name__ == "__main__":
-    sys.exit(main())

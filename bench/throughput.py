@@ -1,11 +1,10 @@
-"""One `savmap map` of 8K HEVC against decoding the same file to nowhere, by stage, and its memory at several times the length.
+"""What `savmap map` costs by stage, against decoding the same file to nowhere.
 
-    python bench/throughput.py [--source SITE] [--keep DIR] [--rounds 2] [--lengths 1,4] [--jobs N] [-o bench/results/throughput.json]
+    python -m bench throughput [SITE] [--8k] [--keep DIR] [--rounds 2]
 
-The footage of a site (its first row's; examples/aisle-dev, or what `savmap simulate` wrote) is scaled to 7680x3840 at 30 frames a second, given a sensor's noise, and coded as a camera does it
-(P frames only, a key frame a second, 133 Mbit/s); it is mapped at 15 frames a second with two views of 640x480. Encoding takes
-minutes: `--keep` keeps the file for the next time. Longer files are the same one several times over; each part is mapped as a
-row: one after another in this process, with a table of stages, or with `--jobs` in so many processes. The bound is `ffmpeg -threads 2 -i FILE -f null -`; the two take turns. Other work on the machine makes both slower by the clock;
+A site's first row is mapped (the demo's footage by default). With `--8k` its footage is scaled to 7680x3840 at 30 frames a second, given a sensor's
+noise, and coded as a camera does it (P frames only, a key frame a second, 133 Mbit/s). Encoding takes minutes: `--keep` keeps the file for the
+next time. The bound is `ffmpeg -threads 2 -i FILE -f null -`; the two take turns. Other work on the machine makes both slower by the clock;
 processor time does not count it.
 """
 
@@ -18,29 +17,32 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
+from bench.baseline import Figures
 from savmap.files.atomic import write_text
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[1]
 SITE = ROOT / "examples" / "aisle-dev" / "site.yaml"
 FILTERS = "fps=30,scale=7680:3840:flags=bicubic,noise=alls=8:allf=t,format=yuv420p"
 RATE_KBIT = 133_000
 CODER = f"keyint=30:min-keyint=30:scenecut=0:open-gop=0:bframes=0:vbv-maxrate={RATE_KBIT}:vbv-bufsize={RATE_KBIT}:log-level=error"
+DECODE = """
+import av, sys
+with av.open(sys.argv[1]) as container:
+    stream = container.streams.video[0]
+    stream.thread_type, stream.codec_context.thread_count = "AUTO", 2
+    for frame in container.decode(stream):
+        pass
+"""
 SECONDS: dict[str, float] = defaultdict(float)
 WALK = ("render", "segment", "plugins")
 Run = dict[str, Any]
-
-
-def ffmpeg(*arguments: object) -> None:
-    """Run ffmpeg, quietly; it is for the bench alone."""
-    if shutil.which("ffmpeg") is None:
-        raise SystemExit("ffmpeg is not installed here; it makes the footage and is the bound")
-    subprocess.run(["ffmpeg", "-v", "error", *map(str, arguments)], check=True, stdin=subprocess.DEVNULL)
 
 
 def first_row(site: Path) -> Run:
@@ -50,44 +52,30 @@ def first_row(site: Path) -> Run:
     return {**content, "rows": {name: content["rows"][name]}}
 
 
+def source_of(site: Path) -> Path:
+    """The first video of a site's first row."""
+    row = next(iter(first_row(site)["rows"].values()))
+    return Path(site.parent / row["passes"][0]["video"])
+
+
 def footage(folder: Path, site: Path) -> Path:
     """The 8K file, made where it is not there yet."""
     video = folder / ("8k.mp4" if site == SITE else f"8k-{site.parent.name}.mp4")
     if not video.exists():
         part = folder / "part.mp4"
-        row = next(iter(first_row(site)["rows"].values()))
-        source = site.parent / row["passes"][0]["video"]
         coding = ["-c:v", "libx265", "-preset", "ultrafast", "-b:v", f"{RATE_KBIT}k", "-x265-params", CODER]
-        ffmpeg("-y", "-i", source, "-vf", FILTERS, *coding, "-tag:v", "hvc1", part)
+        source = ["-i", str(source_of(site)), "-vf", FILTERS, *coding, "-tag:v", "hvc1", str(part)]
+        subprocess.run(["ffmpeg", "-v", "error", "-y", *source], check=True, stdin=subprocess.DEVNULL)
         part.rename(video)
     return video
 
 
-def repeated(video: Path, times: int) -> Path:
-    """The file so many times over."""
-    longer = video.with_name(f"{video.stem}-{times}.mp4")
-    if times > 1 and not longer.exists():
-        listed = video.with_name("parts.txt")
-        listed.write_text(f"file '{video.resolve()}'\n" * times, encoding="utf-8")
-        part = longer.with_name(f"part-{times}.mp4")
-        ffmpeg("-y", "-f", "concat", "-safe", "0", "-i", listed, "-c", "copy", part)
-        part.rename(longer)
-    return longer if times > 1 else video
-
-
-def write_site(source: Path, video: Path, times: int, length_s: float, path: Path) -> None:
-    """A site file whose rows are the parts of a repeated file, with the references of the small one."""
+def write_site(source: Path, video: Path, path: Path) -> None:
+    """A site file of the first row, filmed in a video, with the references of the source."""
     site = first_row(source)
-    _, row = site["rows"].popitem()
+    (row,) = site["rows"].values()
+    row["passes"] = [{"video": str(video.resolve()), "side": row["passes"][0].get("side", "left")}]
     site.pop("survey", None)
-    for number in range(times):
-        part = {
-            "video": str(video.resolve()),
-            "side": row["passes"][0].get("side", "left"),
-            "start_s": number * length_s,
-            "end_s": (number + 1) * length_s,
-        }
-        site["rows"][f"A{number + 1}"] = {**row, "passes": [part]}
     path.write_text(yaml.safe_dump(site), encoding="utf-8")
 
 
@@ -97,7 +85,7 @@ def measured(command: Sequence[object]) -> Run:
     subprocess.run([str(part) for part in command], check=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return {"clock_s": time.perf_counter() - begin, "processor_s": processor}
+    return {"clock s": time.perf_counter() - begin, "processor s": processor}
 
 
 def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None:
@@ -118,6 +106,13 @@ def timed(owner: Any, name: str, stage: str, clock: Callable[[], float]) -> None
                 del SECONDS["aiming"]
 
     setattr(owner, name, outer)
+
+
+def decoding(video: Path) -> list[object]:
+    """The command that decodes a file to nowhere: FFmpeg's, or PyAV without conversion where that is not installed."""
+    if shutil.which("ffmpeg"):
+        return ["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]
+    return [sys.executable, "-c", DECODE, video]
 
 
 def map_here(site: Path, target: Path) -> None:
@@ -145,98 +140,48 @@ def map_here(site: Path, target: Path) -> None:
     write_text(target, json.dumps({"stages": stages, "peak_mb": peak, "frames": sum(len(row.frames) for row in rows)}))
 
 
-def map_beside(site: Path, target: Path, jobs: int) -> Run:
-    """Map a site in processes, as a user does; stages are not told apart."""
-    from savmap.maps.map_file import read_map
-    from savmap.maps.run_record import read_log
-
-    with tempfile.TemporaryDirectory() as folder:
-        taken = measured([Path(sys.executable).with_name("savmap"), "map", site, "-o", folder, "--jobs", jobs])
-        frames = sum(len(row.frames) for row in read_map(Path(folder) / "map.json").rows.values())
-        peak = max(row.peak_mb for row in read_log(Path(folder) / "run.json").rows.values())
-    write_text(target, json.dumps({"stages": {}, "peak_mb": peak, "frames": frames}))
-    return taken
-
-
-def compared(source: Path, video: Path, times: int, length_s: float, rounds: int, jobs: int) -> Run:
-    """Both ways, in turn; sums over all rounds."""
-    bound: dict[str, float] = defaultdict(float)
-    ours: dict[str, float] = defaultdict(float)
-    stages: dict[str, float] = defaultdict(float)
+def compared(source: Path, video: Path, rounds: int) -> Figures:
+    """Both ways, in turn: means over all rounds."""
+    ours, bound = list[Run](), list[Run]()
     with tempfile.TemporaryDirectory() as folder:
         site, target = Path(folder) / "site.yaml", Path(folder) / "run.json"
-        write_site(source, video, times, length_s, site)
+        write_site(source, video, site)
         for _ in range(rounds):
-            add(bound, measured(["ffmpeg", "-v", "error", "-threads", "2", "-i", video, "-f", "null", "-"]))
-            here = [sys.executable, __file__, "--map", site, "-o", target]
-            add(ours, map_beside(site, target, jobs) if jobs else measured(here))
-            run = json.loads(target.read_text())
-            add(stages, run["stages"])
-            ours["peak_mb"] = max(ours["peak_mb"], run["peak_mb"])
-    ratios = {key: ours[key] / bound[key] for key in ("clock_s", "processor_s")}
-    return {
-        "length": times,
-        "jobs": jobs,
-        "rounds": rounds,
-        "frames": run["frames"],
-        "bound": dict(bound),
-        "ours": dict(ours),
-        "stages": dict(stages),
-        "ratio": ratios,
-    }
+            bound.append(measured(decoding(video)))
+            taken = measured([sys.executable, "-m", "bench.throughput", site, target])
+            ours.append({**taken, **json.loads(target.read_text())})
+
+    def mean(runs: Sequence[Run], key: str) -> float:
+        return float(np.mean([run[key] for run in runs]))
+
+    columns = ("processor s", "clock s")
+    table = {stage: {"processor s": mean([run["stages"] for run in ours], stage)} for stage in ours[0]["stages"]}
+    ways = {"savmap map": ours, "decoding alone": bound}
+    table |= {name: {column: mean(runs, column) for column in columns} for name, runs in ways.items()}
+    frames = ours[0]["frames"]
+    table = {name: {**cells, "ms a frame": 1e3 * cells["processor s"] / frames} for name, cells in table.items()}
+    table["ratio"] = {column: mean(ours, column) / mean(bound, column) for column in columns}
+    return {**table, "peak memory": {"MB": max(run["peak_mb"] for run in ours)}}
 
 
-def add(total: dict[str, float], more: Mapping[str, float]) -> None:
-    for key, value in more.items():
-        total[key] += value
-
-
-def table(result: Run) -> list[str]:
-    """Lines for people: processor time by stage, then both ways as a whole."""
-    whole = result["ours"]["processor_s"]
-    frames = result["frames"] * result["rounds"]
-    lines = [
-        f"length {result['length']}, {result['frames']} frames used, jobs {result['jobs']}, sums of {result['rounds']} rounds"
-    ]
-    lines.append(f"{'':24s}{'processor s':>12}{'share':>8}{'ms a frame':>12}{'clock s':>10}")
-    for stage, seconds in result["stages"].items():
-        lines.append(f"{stage:24s}{seconds:12.1f}{seconds / whole:8.1%}{1e3 * seconds / frames:12.1f}")
-    for name, way in (("savmap map", "ours"), ("ffmpeg -threads 2", "bound")):
-        seconds, clock = result[way]["processor_s"], result[way]["clock_s"]
-        lines.append(f"{name:24s}{seconds:12.1f}{seconds / whole:8.1%}{1e3 * seconds / frames:12.1f}{clock:10.1f}")
-    ratio = result["ratio"]
-    lines.append(f"ratio {ratio['clock_s']:.2f} by the clock, {ratio['processor_s']:.2f} by processor time")
-    lines.append(f"peak memory {result['ours']['peak_mb']:.0f} MB")
-    return lines
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("site", nargs="?", type=Path, default=SITE, help="its first row is taken")
+    parser.add_argument(
+        "--8k", dest="large", action="store_true", help="scale and code the footage as a camera's 8K file"
+    )
     parser.add_argument("--keep", type=Path, help="folder for the generated files")
-    parser.add_argument("--source", type=Path, default=SITE, help="a site file; its first row is taken")
-    parser.add_argument("--jobs", type=int, default=0, help="processes for rows; 0: this one, with a table of stages")
     parser.add_argument("--rounds", type=int, default=2)
-    parser.add_argument("--lengths", default="1,4")
-    parser.add_argument("--map", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "throughput.json")
-    arguments = parser.parse_args()
-    if arguments.map:
-        map_here(arguments.map, arguments.output)
-        return
-    from savmap.video.reader import probe
 
+
+def run(given: argparse.Namespace) -> Figures:
+    """Processor and clock time of stages, of the whole and of decoding alone."""
     with tempfile.TemporaryDirectory() as folder:
-        keep = arguments.keep or Path(folder)
+        keep = (given.keep or Path(folder)).absolute()
         keep.mkdir(parents=True, exist_ok=True)
-        video = footage(keep, arguments.source)
-        length_s = probe(video).duration_s
-        results = []
-        for times in map(int, arguments.lengths.split(",")):
-            rounds = arguments.rounds if times == 1 else 1
-            results.append(compared(arguments.source, repeated(video, times), times, length_s, rounds, arguments.jobs))
-            print("\n".join(table(results[-1])), end="\n\n", flush=True)
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
+        source = given.site.absolute()
+        return compared(source, footage(keep, source) if given.large else source_of(source), given.rounds)
 
 
 if __name__ == "__main__":
-    main()
+    map_here(Path(sys.argv[1]), Path(sys.argv[2]))

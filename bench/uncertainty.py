@@ -1,30 +1,28 @@
 """Are the standard deviations true? Normalised errors (estimate - truth) / sigma over many rows at observation level.
 
-    python bench/uncertainty.py [--rows 30] [--sections 3] [-o bench/results/uncertainty.json]
+    python -m bench uncertainty [--set dev] [--rows 30] [--sections 3]
 
-Each row's references are off by errors drawn from their own sigmas. Printed: the normalised errors' root mean square (1 is
-right) and the share of them within 1.96 sigma (95 % is right), by kind of figure and by what is wrong with the masks.
+Each row's references are off by errors drawn from their own sigmas. The normalised errors' root mean square (1 is right) and the share of
+them within 1.96 sigma (95 % is right), by what is wrong with the masks, for all figures and for the uprights' edges along x.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped
 
+from bench.baseline import Figures
+from bench.observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_row, given, mapped
+from bench.seeds import SETS, seeds
 from savmap.errors import SavmapError
-from savmap.files.atomic import write_text
 from savmap.graph import Solution
 from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.types import Floats, Track
 from savmap_shelves.constraints import GridSettings
 from savmap_shelves.constraints.track_grid import grid_of
 
-ROOT = Path(__file__).parent.parent
 LEVEL = 1.96
 KINDS = ("V edge", "V element", "V gap", "H edge", "H element", "H gap")
 CASES: Mapping[str, MaskErrors] = {
@@ -65,11 +63,11 @@ def _neighbours(lines: list[tuple[str, int, tuple[Any, ...], str, float]]) -> It
             yield a, b
 
 
-def run_case(errors: MaskErrors, rows: int, sections: int, first: int = 0) -> dict[str, Floats]:
+def run_case(errors: MaskErrors, rows: Sequence[int], sections: int) -> dict[str, Floats]:
     """Normalised errors by kind."""
     by_kind: dict[str, list[float]] = {kind: [] for kind in KINDS}
-    for seed in range(first, first + rows):
-        driven = driven_row(1000 + seed, errors, sections=sections)
+    for seed in rows:
+        driven = driven_row(seed, errors, sections=sections)
         known = given(driven, np.random.default_rng([seed, 8]))
         try:
             row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
@@ -92,23 +90,25 @@ def summary(values: Floats) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("--set", choices=SETS, default="dev", help="of seeds")
     parser.add_argument("--rows", type=int, default=30)
     parser.add_argument("--sections", type=int, default=3)
     parser.add_argument("--case", choices=tuple(CASES), action="append")
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "uncertainty.json")
-    arguments = parser.parse_args()
-    results: dict[str, dict[str, dict[str, float]]] = {}
-    print(f"{'spread, 95 %':18}" + "".join(f"{kind:>16}" for kind in (*KINDS, "all")), flush=True)
-    for name in arguments.case or CASES:
-        by_kind = run_case(CASES[name], arguments.rows, arguments.sections)
-        by_kind["all"] = np.concatenate(list(by_kind.values()))
-        results[name] = {kind: summary(values) for kind, values in by_kind.items()}
-        cells = (f"{cell['spread']:8.2f} {100 * cell['within_95']:5.1f} %" for cell in results[name].values())
-        print(f"{name:18}" + "".join(f"{cell:>16}" for cell in cells), flush=True)
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
-if __name__ == "__main__":
-    main()
+def run(given: argparse.Namespace) -> Figures:
+    """Spread and share by case."""
+    results = {}
+    for name in given.case or CASES:
+        by_kind = run_case(CASES[name], seeds("observation", given.set, given.rows), given.sections)
+        all_kinds, edges = summary(np.concatenate(list(by_kind.values()))), summary(by_kind["V edge"])
+        results[name] = {
+            "error / sigma": all_kinds["spread"],
+            "within 95 %": 100 * all_kinds["within_95"],
+            "uprights' x / sigma": edges["spread"],
+            "uprights' x within 95 %": 100 * edges["within_95"],
+        }
+        print(name, results[name], flush=True)
+    return results

@@ -1,39 +1,30 @@
 """Are the verdicts of maps true? Which doubts name something wrong, which none, and what is wrong that no doubt names.
 
-    python bench/verdicts.py MAP ... [-o bench/results/verdicts.json]
+    python -m bench verdicts MAP ...
 
-MAP is a map's folder beside its survey.json, as bench/rows.py --keep leaves it. A doubt is true where an element that it names is more than 1 cm
-or two of its standard deviations off or is none, or where its bay (for lamps, the space around it) lacks one. Unnamed is what is both more
-than 1 cm and two standard deviations off, or none, or missing, between the row's ends, and in no doubt.
+MAP is a map's folder beside its survey.json, as `python -m bench rows --keep` leaves it (`out` in each row's folder). A doubt is true where an
+element that it names is more than 1 cm or two of its standard deviations off or does not exist, or where its bay (for lamps, the space around it)
+lacks one. Unnamed is what is both more than 1 cm and two standard deviations off, or does not exist, or is missing, between the row's ends, and in
+no doubt. Maps of test seeds count in the totals only.
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sigmas import Figure, figures_of
 
 import savmap
-from savmap.files.atomic import write_text
+from bench.baseline import Figures
+from bench.seeds import SEEDS, is_test
+from bench.sigmas import Figure, figures_of
 from savmap.maps.survey import read_survey
 from savmap.pipeline.trust.ends import beyond_ends
 from savmap.types import Doubt, RowMap, Structure
 
-ROOT = Path(__file__).parent.parent
 WRONG_M, SIGMAS = 0.01, 2.0
 NEAR_M, LAMP_NEAR_M = 0.5, 1.0
-
-
-@dataclass(frozen=True)
-class Told:
-    """A doubt, and what is wrong with what it names; nothing where it is false."""
-
-    doubt: str
-    wrong: str
 
 
 def truth_of(row: RowMap, survey: Mapping[str, Any], deviations: Mapping[str, float]) -> dict[str, tuple[bool, str]]:
@@ -84,7 +75,7 @@ def missing_lamps(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
             yield f"lamp at x = {middle[0]:.2f} m"
 
 
-def judged(doubt: Doubt, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]) -> list[str]:
+def wrong_of(doubt: Doubt, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]) -> list[str]:
     """What of that which is wrong a doubt names: by its structures; by what it says of what is near one; all where it names none."""
     named = [
         *doubt.structures,
@@ -117,54 +108,47 @@ def verdict_of(folder: Path) -> dict[str, Any]:
     wrong = truth_of(row, read_survey(survey).rows[name], deviations)
     structures = {one.id: one for of_plugin in row.structures.values() for one in of_plugin}
     doubts = row.verdict.doubts if row.verdict else ()
-    told = [(doubt, judged(doubt, structures, wrong)) for doubt in doubts]
-    named = {one for _, own in told for one in own} | beyond_ends(row.structures, frozenset({"shelves"}))
+    named_by = [(doubt, wrong_of(doubt, structures, wrong)) for doubt in doubts]
+    named = {name for _, names in named_by for name in names} | beyond_ends(row.structures, frozenset({"shelves"}))
     return {
         "verdict": row.verdict.grade if row.verdict else "-",
         "doubts": [
-            asdict(Told(f"{d.kind}: {d.line}", "; ".join(f"{n}: {wrong[n][1]}" for n in own))) for d, own in told
+            {"doubt": f"{doubt.kind}: {doubt.line}", "wrong": "; ".join(f"{name}: {wrong[name][1]}" for name in names)}
+            for doubt, names in named_by
         ],
         "unnamed": {one: what for one, (gross, what) in wrong.items() if gross and one not in named},
     }
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("maps", nargs="+", type=Path)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "bench" / "results" / "verdicts.json")
-    arguments = parser.parse_args()
-    results = {folder.absolute().parent.name: verdict_of(folder) for folder in arguments.maps}
-    for name, result in results.items():
-        print_row(name, result)
-    print(summary([*results.values()]))
-    write_text(arguments.output, json.dumps(results, indent=2) + "\n")
 
 
 def print_row(name: str, result: Mapping[str, Any]) -> None:
     """A row's verdict, doubts, and what none names."""
     print(f"{name}: {result['verdict']}")
     for doubt in result["doubts"]:
-        print(
-            f"  {'true ' if doubt['wrong'] else 'FALSE'} {doubt['doubt']}"
-            + (f" [{doubt['wrong']}]" if doubt["wrong"] else "")
-        )
+        print(f"  {'true ' if doubt['wrong'] else 'FALSE'} {doubt['doubt']} [{doubt['wrong']}]")
     for one, what in result["unnamed"].items():
         print(f"  UNNAMED {one}: {what}")
 
 
-def summary(results: Sequence[Mapping[str, Any]]) -> str:
-    """Counts over all rows."""
-    doubts = [doubt for result in results for doubt in result["doubts"]]
-    trusted, true = (
-        sum(map(bool, parts)) for parts in ([r["verdict"] == "trusted" for r in results], [d["wrong"] for d in doubts])
-    )
-    false_rows = sum(bool(r["doubts"]) and not any(d["wrong"] for d in r["doubts"]) for r in results)
-    unnamed = sum(len(result["unnamed"]) for result in results)
-    return (
-        f"{trusted} of {len(results)} rows trusted; {true} doubts true, {len(doubts) - true} false; "
-        f"{false_rows} rows to be checked for false ones alone; {unnamed} wrong and not named"
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("maps", nargs="+", type=Path)
 
 
-if __name__ == "__main__":
-    main()
+def run(given: argparse.Namespace) -> Figures:
+    """Figures over all maps."""
+    results = {folder.absolute().parent.name: verdict_of(folder) for folder in given.maps}
+    for name, result in results.items():
+        seed = name.rpartition("-")[2]
+        if not (seed.isdigit() and any(is_test(family, int(seed)) for family in SEEDS)):
+            print_row(name, result)
+    doubts = [[bool(doubt["wrong"]) for doubt in result["doubts"]] for result in results.values()]
+    return {
+        "total": {
+            "rows": len(results),
+            "trusted": sum(result["verdict"] == "trusted" for result in results.values()),
+            "true": sum(map(sum, doubts)),
+            "false": sum(map(len, doubts)) - sum(map(sum, doubts)),
+            "rows with false doubts only": sum(bool(row) and not any(row) for row in doubts),
+            "unnamed": sum(len(result["unnamed"]) for result in results.values()),
+        }
+    }

@@ -1,25 +1,25 @@
-"""The viewer of a large site in a real browser: how large its page is, how long it takes to open, frames a second while it turns, and what a frame
-asks of the graphics.
+"""The viewer of a large site in a real browser: how large its page is, how long it takes to open, and what a frame costs.
 
-    python bench/viewer.py MAP [--rows 46] [--elements 6700] [--dates] [--size 1360x800] [-o bench/results/viewer]
+    python -m bench viewer MAP [--rows 46] [--elements 6700] [--dates] [--size 1360x800] [--keep DIR]
 
 A row of a map, such as the demo's, is repeated along its length and over so many rows, back to back in pairs across aisles, until it has so many
-elements. With --dates it is compared with itself, and both dates are in the page. It is opened from the disk in the Chromium on the path, drawn by the processor alone (SwiftShader): a machine with any graphics
-does more frames. How many those are nobody tried here: what tells is the script's time for a frame, and the draw calls, triangles and lines that the
-graphics are given, of which ordinary ones draw some hundreds and some millions 30 times a second. Ends with 1 where the page is over 3 MB, opens in more than 2 s, or says anything on the console.
+elements. With --dates it is compared with itself, and both dates are in the page. It is opened from the disk in the Chromium on the path, drawn
+by the processor only (SwiftShader): a machine with any graphics does more frames. What counts is the script's time for a frame, and the draw
+calls, triangles and lines that the graphics are given, of which ordinary ones draw some hundreds and some millions 30 times a second.
 """
 
 import argparse
 import shutil
-import sys
+import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
+from bench.baseline import Figures
 from savmap.maps.comparison import compare_maps
 from savmap.maps.map_file import read_map
 from savmap.report.viewer import Before, View, write_view
@@ -27,22 +27,6 @@ from savmap.types import Floats, JointCovariance, Placement, RowMap, SiteMap, St
 
 ARGUMENTS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 AISLE_M, RACK_M = 3.5, 2.4
-MOST_MB, MOST_S = 3.0, 2.0
-
-
-@dataclass(frozen=True)
-class Opened:
-    """Seconds until the page could be used, frames a second, milliseconds of each that its script takes or waits, the canvas's pixels by pixels of the
-    page in the last of them (less than 1: drawn coarser while it moves), what it said on the console, and of a frame at rest the draw calls,
-    triangles, lines, points,
-    and the milliseconds of script while the graphics wait for it."""
-
-    open_s: float
-    frames_s: float
-    script_ms: float
-    ratio: float
-    said: tuple[str, ...]
-    load: tuple[float, ...]
 
 
 def large_site(row: RowMap, rows: int, elements: int) -> SiteMap:
@@ -108,59 +92,53 @@ def _places(rows: int, length: float) -> Iterator[Placement]:
         yield Placement(0.0, z, 0.0, covariance) if k % 2 == 0 else Placement(length, z + AISLE_M, 180.0, covariance)
 
 
-def opened(page: Page, file: Path) -> Opened:
-    """Open a page and turn it around."""
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+def opened(page: Page, file: Path) -> dict[str, float]:
+    """Open a page and turn it around: seconds until it can be used, frames a second and what a frame at rest asks for. Lines of its console are
+    printed and counted."""
+    lines: list[str] = []
+    page.on("console", lambda message: lines.append(message.text))
+    page.on("pageerror", lambda error: lines.append(str(error)))
     begin = time.perf_counter()
     page.goto(file.resolve().as_uri())
     page.wait_for_selector("html[data-ready=yes]")
     open_s = time.perf_counter() - begin
-    turned = "savmapViewer.stage.spin(40).then((found) => [...found, savmapViewer.stage.renderer.getPixelRatio()])"
-    frames_s, script_ms, ratio = page.evaluate(turned)
-    load = page.evaluate("savmapViewer.stage.load()")
-    return Opened(open_s, frames_s, script_ms, ratio, tuple(said), tuple(load))
+    turn = "savmapViewer.stage.spin(40).then((found) => [...found, savmapViewer.stage.renderer.getPixelRatio()])"
+    frames_s, script_ms, ratio = page.evaluate(turn)
+    names = ("draw calls", "triangles", "lines", "points", "script ms at rest")
+    load = dict(zip(names, page.evaluate("savmapViewer.stage.load()"), strict=True))
+    print(*lines, sep="\n", end="\n" if lines else "")
+    turning = {"opened s": open_s, "frames a second": frames_s, "script ms": script_ms, "pixels by pixel": ratio}
+    return {**turning, **load, "console lines": len(lines)}
 
 
-def main() -> int:
-    """Make it, open it, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
     parser.add_argument("map", type=Path)
     parser.add_argument("--rows", type=int, default=46)
     parser.add_argument("--elements", type=int, default=6700)
     parser.add_argument("--dates", action="store_true")
     parser.add_argument("--size", default="1360x800")
-    parser.add_argument("-o", "--output", type=Path, default=Path("bench/results/viewer"))
-    arguments = parser.parse_args()
-    site = large_site(next(iter(read_map(arguments.map).rows.values())), arguments.rows, arguments.elements)
-    file = arguments.output / "view.html"
-    before = Before(site, compare_maps(site, site)) if arguments.dates else None
-    begin = time.perf_counter()
-    write_view(View(site, title=f"{arguments.rows} rows", before=before), file)
-    written_s, size_mb = time.perf_counter() - begin, file.stat().st_size / 1e6
-    count = sum(len(group) for row in site.rows.values() for group in row.structures.values())
-    width, height = map(int, arguments.size.split("x"))
+    parser.add_argument("--keep", type=Path, help="a folder for the page and a picture of it")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Make the page, open it, measure."""
+    site = large_site(next(iter(read_map(given.map).rows.values())), given.rows, given.elements)
+    before = Before(site, compare_maps(site, site)) if given.dates else None
+    width, height = map(int, given.size.split("x"))
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
-    with sync_playwright() as started:
+    with tempfile.TemporaryDirectory() as temporary, sync_playwright() as started:
+        folder = given.keep or Path(temporary)
+        file = folder / "view.html"
+        begin = time.perf_counter()
+        write_view(View(site, title=f"{given.rows} rows", before=before), file)
+        written_s, size_mb = time.perf_counter() - begin, file.stat().st_size / 1e6
         browser = started.chromium.launch(executable_path=browser_path, args=list(ARGUMENTS))
         page = browser.new_page(viewport={"width": width, "height": height})
-        result = opened(page, file)
+        figures = opened(page, file)
         page.evaluate("savmapViewer.setKind('model')")
         page.wait_for_timeout(300)
-        page.screenshot(path=arguments.output / "view.png")
+        page.screenshot(path=folder / "view.png")
         browser.close()
-    print(f"{len(site.rows)} rows, {count} elements: {size_mb:.2f} MB, written in {written_s:.1f} s")
-    print(
-        f"opened in {result.open_s:.2f} s, {result.frames_s:.0f} frames a second at {arguments.size} x {result.ratio:g} without graphics, script with its waiting for them {result.script_ms:.0f} ms"
-    )
-    calls, triangles, lines, points, own_ms = result.load
-    print(
-        f"a frame at rest: {calls} draw calls, {triangles} triangles, {lines} lines, {points} points, script {own_ms:.1f} ms"
-    )
-    print(*result.said, sep="\n")
-    return int(size_mb > MOST_MB or result.open_s > MOST_S or bool(result.said))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    elements = sum(len(group) for row in site.rows.values() for group in row.structures.values())
+    return {f"{len(site.rows)} rows": {"elements": elements, "MB": size_mb, "written s": written_s, **figures}}

@@ -1,6 +1,7 @@
-"""The benches at observation level run: a small row from made-up masks to a scored map, and what they print of it."""
+"""The benches run: from made-up masks to a scored map, seeds in three sets, stored figures, and the pages made of them."""
 
-import sys
+import argparse
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +10,13 @@ import pytest
 from savmap.maps.map_file import write_map
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 
-BENCH = Path(__file__).parents[2] / "bench"
-
-
-@pytest.fixture(autouse=True)
-def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(BENCH), *sys.path])
+ROOT = Path(__file__).parents[2]
 
 
 def test_a_made_up_row_is_mapped_by_both_methods() -> None:
-    import observed
-    from observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped
-    from uncertainty import figures, summary
-
+    from bench import observed
+    from bench.observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped
+    from bench.uncertainty import figures, summary
     from savmap.lab.sim.observations import MaskErrors
     from savmap_shelves.constraints import GridSettings
 
@@ -38,77 +33,32 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
 
 @pytest.mark.slow
 def test_changes_of_a_made_up_row_are_told(tmp_path: Path) -> None:
-    import compare
-    from compared_rows import pair
+    from bench import compare
 
     found = [
         one
         for case in ("nothing", "beams")
-        for one in compare.outcomes(pair(case, 1, "fine", 5, tmp_path), compare.LEVEL)
+        for one in compare.outcomes(compare.pair(case, 1, "fine", 5, tmp_path), compare.LEVEL)
     ]
-    assert {one.kind for one in found if one.told in compare.CHANGED} >= {"beam 10 mm", "beam 50 mm"}
-    assert sum(one.told in compare.CHANGED and not one.kind for one in found) <= 2
-    assert any(line.startswith("all ") for line in compare.table(found))
+    assert {one.kind for one in found if one.reported in compare.CHANGED} >= {"beam 10 mm", "beam 50 mm"}
+    assert sum(one.reported in compare.CHANGED and not one.kind for one in found) <= 2
+    assert compare.found_changes(found)["all changes"]["found"] > 50
 
 
 @pytest.mark.slow
-def test_what_is_off_about_a_camera_is_found() -> None:
-    import calibration
+def test_a_site_is_mapped_and_assembled_from_made_up_masks() -> None:
+    from bench import site46
 
-    found = calibration.run_case(calibration.Case(1.0, read_out_s=0.02), 1, 2, 6)
-    assert found["both"]["turn_rms_deg"] < 0.2
-    assert found["both"]["read_out_rms_ms"] < 16.0
-    assert found["both"]["residual_scale"] < found["off"]["residual_scale"]
-    assert calibration.line("both", found).startswith("both")
-
-
-@pytest.mark.slow
-def test_a_site_is_mapped_and_assembled_from_made_up_masks(capsys: pytest.CaptureFixture[str]) -> None:
-    import site46
-    from site_rows import Task
-
-    results = [site46.map_task(Task(number, 3, 8)) for number in range(2)]
-    score = site46.pool(result.score for result in results)
+    results = [site46.map_task(site46.Task(number, 3, 8)) for number in range(2)]
     assembly, seconds = site46.site_of(results)
-    figures = site46.print_site(results, score, assembly, seconds)
-    assert figures["counts"]["missing or spurious"] == 0
-    assert figures["places"]["across an aisle x m"] < 0.1
+    figures = site46.figures_of(results, assembly, seconds)
+    assert figures["total"]["missing"] == figures["total"]["spurious"] == 0
+    assert figures["assembled"]["across an aisle x m"] < 0.1
     assert [tie.id_a for tie in assembly.site_map.matches[:2]] == ["32 frames", "light 1"]
-    assert "736 vertical and 4920 horizontal" in capsys.readouterr().out
-
-
-def test_throughput_maps_a_repeated_file_row_by_row_and_tells_each_stage_s_share(tmp_path: Path) -> None:
-    import throughput
-
-    from savmap.site.load import load_site
-
-    throughput.write_site(throughput.SITE, tmp_path / "8k-2.mp4", 2, 16.5, tmp_path / "site.yaml")
-    rows = load_site(tmp_path / "site.yaml").rows
-    assert [(name, row.passes[0].start_s, row.passes[0].end_s) for name, row in rows.items()] == [
-        ("A1", 0.0, 16.5),
-        ("A2", 16.5, 33.0),
-    ]
-    way = {"clock_s": 13.0, "processor_s": 20.0, "peak_mb": 900.0}
-    lines = throughput.table(
-        {
-            "length": 2,
-            "jobs": 0,
-            "rounds": 1,
-            "frames": 100,
-            "ours": way,
-            "bound": {"clock_s": 10.0, "processor_s": 16.0},
-            "stages": {"decode": 16.0, "segment": 4.0},
-            "ratio": {"clock_s": 1.3, "processor_s": 1.25},
-        }
-    )
-    assert "decode                          16.0   80.0%       160.0" in lines
-    assert "ratio 1.30 by the clock, 1.25 by processor time" in lines
-    assert lines[-1] == "peak memory 900 MB"
 
 
 def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
-    import signs
-
+    from bench import signs
     from savmap.lab.sim.scene.build import build
     from savmap.types import Structure
 
@@ -136,24 +86,27 @@ def test_signs_are_counted_by_what_is_legible_found_read_and_made_up() -> None:
     assert signs.line(6100, figures).split()[:2] == ["6100", str(len(truth))]
 
 
-def test_formats_are_timed_and_faults_end_with_1(
+def test_formats_are_timed_and_faults_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import exports
+    from bench import exports
 
     row = RowMap("A", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, int), np.zeros((0, 4, 4))), {}, ())
     write_map(SiteMap({"A": row}, {}), tmp_path / "map.json")
-    arguments = [str(tmp_path / "map.json"), "--rows", "2", "--format", "glb", "usda", "-o", str(tmp_path / "out")]
-    assert exports.main([*arguments, "--skip-validators"]) == 0
+    parser = argparse.ArgumentParser()
+    exports.add_arguments(parser)
+    given = [str(tmp_path / "map.json"), "--rows", "2", "--format", "glb", "usda", "--keep", str(tmp_path / "out")]
+    figures = exports.run(parser.parse_args([*given, "--skip-validators"]))
+    assert [cells["faults"] for cells in figures.values()] == [0, 0]
     assert (tmp_path / "out" / "map-usda.usda").is_file()
     monkeypatch.setattr(exports, "VALIDATORS", {"glb": {"mine": lambda path: [f"{path.name} is odd"]}})
-    assert exports.main(arguments) == 1
+    assert exports.run(parser.parse_args(given))["glb"]["faults"] == 1
     assert "mine: 1 faults" in capsys.readouterr().out
     assert set(exports.VALIDATORS) <= set(exports.FORMATS)
 
 
 def test_lamps_count_as_a_rows_elements() -> None:
-    from rows import is_whole
+    from bench.rows import is_whole
 
     whole = {"missing": {"beam": 0}, "spurious": {"beam": 0}}
     lamps = {"missing": 0, "spurious": 0}
@@ -161,3 +114,58 @@ def test_lamps_count_as_a_rows_elements() -> None:
     assert is_whole({**whole, "lights": lamps})
     assert not is_whole({**whole, "lights": {**lamps, "missing": 1}})
     assert not is_whole({**whole, "lights": {**lamps, "spurious": 1}})
+
+
+def test_rows_of_the_test_set_are_in_no_other_set() -> None:
+    from bench.seeds import SEEDS, SETS, is_test
+
+    for family, sets in SEEDS.items():
+        assert tuple(sets) == SETS
+        used = {seed for others in SEEDS.values() for name in ("train", "dev") for seed in others[name]}
+        assert not used & set(sets["test"])
+        assert all(is_test(family, seed) for seed in sets["test"])
+
+
+def test_rows_of_the_test_set_are_shown_as_totals_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from bench import rows
+
+    figures = {"mae_m": 0.002, "missing": {"beam": 1}, "spurious": {"beam": 0}, "verdict": "check", "seconds": 1.0}
+    monkeypatch.setattr(rows, "footage", lambda *_: Path("site.yaml"))
+    monkeypatch.setattr(rows, "only_one_row", lambda *_: Path("site.yaml"))
+    monkeypatch.setattr(rows, "score", lambda *_: figures)
+    parser = argparse.ArgumentParser()
+    rows.add_arguments(parser)
+    total = rows.run(parser.parse_args(["--set", "test"]))["total"]
+    assert (total["rows"], total["whole"], total["missing"], total["mean cm"]) == (20, 0, 20, pytest.approx(0.2))
+    assert len(capsys.readouterr().out.splitlines()) == 1
+    rows.run(parser.parse_args(["--count", "3"]))
+    assert len(capsys.readouterr().out.splitlines()) == 4
+
+
+def test_what_has_become_worse_is_named(tmp_path: Path) -> None:
+    from bench import baseline
+
+    better: baseline.Better = {"missing": "less", "found": "more", "cm": "less"}
+    before = {"a": {"missing": 1, "found": 0.9, "cm": 1.0, "seconds": 5.0}, "b": {"cm": 0.5}}
+    same = {"a": {"missing": 1, "found": 0.89, "cm": 1.01, "seconds": 50.0}, "b": {"cm": 0.1}}
+    assert not list(baseline.worse(same, before, better))
+    lines = list(baseline.worse({"a": {"missing": 2, "found": 0.7, "cm": 1.1, "seconds": 5.0}}, before, better))
+    assert [line.split(":")[0] for line in lines] == ["a, missing", "a, found", "a, cm", "b, cm"]
+    file = tmp_path / "baseline.json"
+    file.write_text("{}")
+    baseline.store("rows", baseline.result_of(before, "--count 3"), file)
+    assert baseline.read(file)["rows"].figures == before
+
+
+def test_pages_are_what_the_stored_results_give() -> None:
+    from bench import accuracy_doc, baseline, index
+
+    assert index.README.read_text(encoding="utf-8") == index.readme()
+    assert accuracy_doc.PAGE.read_text(encoding="utf-8") == accuracy_doc.page(baseline.read())
+    modules = {path.stem for path in index.README.parent.glob("*.py")}
+    assert {name.replace("-", "_") for name in index.BENCHES} <= modules
+    pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md")]
+    named = {name for page in pages for name in re.findall(r"python -m bench ([a-z0-9-]+)", page)}
+    assert named <= {*index.BENCHES, "write-docs"}

@@ -1,7 +1,6 @@
 """Rows whose face is a photograph: what is laid on the plane lies where the truth says, and photographs are known by digest."""
 
 import hashlib
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-BENCH = Path(__file__).parents[2] / "bench"
 POST, BEAM, FLANK, GOODS = (200, 0, 0), (0, 0, 200), (0, 120, 0), (90, 90, 90)
-
-
-@pytest.fixture(autouse=True)
-def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(BENCH), *sys.path])
 
 
 def _painted() -> Any:
@@ -28,7 +21,7 @@ def _painted() -> Any:
 
 
 def _face(**changes: Any) -> Any:
-    from photo_faces import BayPicture, Face
+    from bench.photo_rows import BayPicture, Face
 
     entry = {
         "name": "painted",
@@ -45,7 +38,7 @@ def _face(**changes: Any) -> Any:
 
 
 def test_a_photo_rows_edges_lie_where_its_truth_says() -> None:
-    from photo_faces import photo_row
+    from bench.photo_rows import photo_row
 
     row = photo_row(_face(), _painted())
     assert np.allclose(row.posts, [[0, 0.1], [1.24, 1.34], [2.48, 2.58]])
@@ -57,14 +50,14 @@ def test_a_photo_rows_edges_lie_where_its_truth_says() -> None:
 
 
 def test_a_photo_rows_flanks_and_undersides_are_left_out() -> None:
-    from photo_faces import photo_row
+    from bench.photo_rows import photo_row
 
     row = photo_row(_face(), _painted())
     assert not (row.picture == FLANK).all(axis=2).any()
 
 
 def test_rows_left_out_of_a_bay_move_no_front() -> None:
-    from photo_faces import BayPicture, photo_row
+    from bench.photo_rows import BayPicture, photo_row
 
     beams = ((160.0, 140.0, 160.0, 140.0), (60.0, 40.0, 60.0, 40.0))
     row = photo_row(_face(bays=(BayPicture((26.0, 140.0), beams, ((58.0, 70.0), (80.0, 90.0))),)), _painted())
@@ -73,7 +66,7 @@ def test_rows_left_out_of_a_bay_move_no_front() -> None:
 
 
 def test_half_a_bay_goes_on_as_its_mirror_image() -> None:
-    from photo_faces import BayPicture, photo_row
+    from bench.photo_rows import BayPicture, photo_row
 
     picture = _painted()
     picture[:, 30:32] = 255
@@ -84,14 +77,14 @@ def test_half_a_bay_goes_on_as_its_mirror_image() -> None:
 
 
 def test_a_lens_s_distortion_is_undone() -> None:
-    from photo_faces import distorted, undistorted
+    from bench.photo_rows import distorted, undistorted
 
     points, size = np.array([[3.0, 4.0], [300.0, 20.0], [600.0, 390.0]]), np.array([600, 400])
     assert np.allclose(distorted(undistorted(points, size, 0.1), size, 0.1), points, atol=1e-6)
 
 
 def test_the_faces_of_the_bench_are_whole() -> None:
-    from photo_faces import beams_m, read_faces
+    from bench.photo_rows import beams_m, read_faces
 
     faces = read_faces()
     assert len(faces) >= 6
@@ -108,9 +101,8 @@ def test_the_faces_of_the_bench_are_whole() -> None:
 
 def test_photo_row_footage_has_each_light_and_its_truth(tmp_path: Path) -> None:
     import yaml
-    from photo_faces import photo_row
-    from photo_footage import LIGHTS, Size, make_footage
 
+    from bench.photo_rows import LIGHTS, Size, make_footage, photo_row
     from savmap.maps.survey import read_survey
 
     row = photo_row(_face(), _painted())
@@ -127,7 +119,7 @@ def test_photo_row_footage_has_each_light_and_its_truth(tmp_path: Path) -> None:
 
 
 def test_a_photograph_is_known_by_its_digest(tmp_path: Path) -> None:
-    from photo_files import PhotoMissingError, photo
+    from bench.photo_files import PhotoMissingError, photo
 
     content = cv2.imencode(".png", np.full((4, 6, 3), (0, 0, 255), np.uint8))[1].tobytes()
     digest = hashlib.sha256(content).hexdigest()
@@ -140,7 +132,7 @@ def test_a_photograph_is_known_by_its_digest(tmp_path: Path) -> None:
 
 
 def test_a_photograph_that_cannot_be_had_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import photo_files
+    from bench import photo_files
 
     def _offline(*_: object, **__: object) -> None:
         raise OSError("no network")
@@ -153,7 +145,7 @@ def test_a_photograph_that_cannot_be_had_is_named(tmp_path: Path, monkeypatch: p
 
 
 def test_a_photo_rows_map_is_good_only_within_its_limits() -> None:
-    from photo_rows import is_good, line, summary
+    from bench.photo_rows import is_good, line, totals
 
     none = {"upright": 0, "beam": 0}
     good = {"mae_m": 0.006, "missing": none, "spurious": none, "warnings": [], "seconds": 1.0}
@@ -161,7 +153,6 @@ def test_a_photo_rows_map_is_good_only_within_its_limits() -> None:
     invented = {**good, "spurious": {"upright": 0, "beam": 1}, "warnings": ["look there"]}
     failed = {"error": "nothing seen", "warnings": ["nothing seen"], "seconds": 1.0}
     assert [is_good(figures) for figures in (good, off, invented, failed)] == [True, False, False, False]
-    text = summary({"a": good, "b": off, "c": invented, "d": failed})
-    assert text.startswith("1 of 4 good")
-    assert text.endswith("without a warning: b")
+    total = totals({"a": good, "b": off, "c": invented, "d": failed})["total"]
+    assert (total["cases"], total["good"], total["wrong without a warning"], total["spurious"]) == (4, 1, 1, 1)
     assert "nothing seen" in line("d", failed)

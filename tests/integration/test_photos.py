@@ -1,8 +1,7 @@
-"""`bench/photos.py`: what counts as found, wrong and judged on labelled photographs, and how photographs are shown to a network."""
+"""`python -m bench photos`: what counts as found, wrong and judged on labelled photographs, and how photographs are shown to a network."""
 
+import argparse
 import json
-import sys
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,11 +24,6 @@ BEAMS = [(72, 80, 300, 94), (72, 200, 300, 214)]
 Bytes = NDArray[np.uint8]
 KEPT = ("chuttersnap", "ruchindra-gunasekara", "nana-smirnova", "4481259", "4481534", "4483610")
 """In the names of photographs that are kept for acceptance."""
-
-
-@pytest.fixture(autouse=True)
-def _benches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(BENCH), *sys.path])
 
 
 def shape(label: str, box: tuple[int, int, int, int], front: bool = True) -> dict[str, Any]:
@@ -56,7 +50,7 @@ def labelme(folder: Path, shapes: list[dict[str, Any]], name: str = "made") -> P
 
 
 def truth(folder: Path, shapes: list[dict[str, Any]], image: Bytes | None = None) -> Any:
-    from photo_labels import read_pieces, truth_of
+    from bench.photos import read_pieces, truth_of
 
     return truth_of(read_pieces(labelme(folder, shapes)), rack() if image is None else image, CLASSES)
 
@@ -69,7 +63,7 @@ def by_colour(image: Bytes) -> NDArray[np.float32]:
 
 def scored(folder: Path, shapes: list[dict[str, Any]], predicted: Bytes) -> Any:
     """Scores of a mask (H, W) of the classes' numbers."""
-    from photos import score
+    from bench.photos import score
 
     maps = np.stack([(predicted == k).astype(np.float32) for k in range(3)])
     return score(maps, truth(folder, shapes), CLASSES, Thresholds.of(0.5))
@@ -77,8 +71,7 @@ def scored(folder: Path, shapes: list[dict[str, Any]], predicted: Bytes) -> Any:
 
 @pytest.mark.parametrize("way", ["letterboxed", "tiles", "scales"])
 def test_every_way_reads_at_the_photographs_own_places(way: str, tmp_path: Path) -> None:
-    from photo_views import WAYS
-    from photos import score
+    from bench.photos import WAYS, score
 
     known = truth(tmp_path, SHAPES)
     maps = WAYS[way](by_colour, rack(), known.thickness_px)
@@ -91,7 +84,7 @@ def test_every_way_reads_at_the_photographs_own_places(way: str, tmp_path: Path)
 
 
 def test_tiles_show_members_ten_pixels_thick() -> None:
-    from photo_views import WAYS
+    from bench.photos import WAYS
 
     seen: list[Bytes] = []
 
@@ -106,7 +99,7 @@ def test_tiles_show_members_ten_pixels_thick() -> None:
 
 @pytest.mark.parametrize("length", [640, 641, 1200, 1280, 3000])
 def test_tiles_cover_all_and_overlap_by_a_quarter(length: int) -> None:
-    from photo_views import starts
+    from bench.photos import starts
 
     places = list(starts(length, 640))
     assert places[0] == 0
@@ -192,27 +185,12 @@ def test_contrast_is_the_mean_over_both_sides(tmp_path: Path) -> None:
 
 
 def test_figures_by_contrast_add_up(tmp_path: Path) -> None:
-    from photos import ClassScore, Seen, total
+    from bench.photos import ClassScore, Seen, total
 
     members = tuple(Seen(contrast, share) for contrast, share in ((3, 0.9), (8, 0.2), (15, 0.5), (16, 0.7), (90, 0.1)))
     figures = total([ClassScore(30, 40, members, 1, 4), ClassScore(0, 0, (), 0, 0)])
     assert [str(count) for count in figures.by_contrast.values()] == ["1/1", "1/2", "1/2"]
     assert (str(figures.found), str(figures.wrong), figures.iou) == ("3/5", "1/4", 0.75)
-
-
-def test_both_formats_say_the_same(tmp_path: Path) -> None:
-    from photo_labels import read_pieces
-
-    other = tmp_path / "other.json"
-    objects = [
-        {"class": s["label"], "id": f"U{k}", "front": s["flags"]["front"], "polygon": s["points"]}
-        for k, s in enumerate(SHAPES)
-    ]
-    other.write_text(json.dumps({"image": "made", "size": [400, 300], "objects": objects}))
-    ours, theirs = read_pieces(labelme(tmp_path, SHAPES)), read_pieces(other)
-    assert [(p.label, p.front, p.outline.tolist()) for p in ours] == [
-        (p.label, p.front, p.outline.tolist()) for p in theirs
-    ]
 
 
 @pytest.mark.parametrize(
@@ -224,57 +202,49 @@ def test_labels_of_no_use_are_refused(shapes: list[dict[str, Any]], words: str, 
         _ = truth(tmp_path, shapes).thickness_px
 
 
-def test_the_table_and_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    photos = _photos(tmp_path, rack())
-    photos("--ways", "letterboxed", "-o", str(tmp_path / "figures.json"))
-    printed = capsys.readouterr().out
-    assert "shelves.int8.onnx, letterboxed, thresholds 0.5, 0.3, 0.75" in printed
-    assert "made " in printed
-    assert "contrast under 8" in printed
-    figures = json.loads((tmp_path / "figures.json").read_text())["shelves.int8.onnx"]["letterboxed"]
-    assert figures["total"]["beam"]["found"][1] == 2
-    assert figures["photographs"]["made"]["upright"]["found"][1] == 2
+def test_figures_of_each_network_way_and_class(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from bench import photos
+
+    parser = argparse.ArgumentParser()
+    photos.add_arguments(parser)
+    labels = _made(tmp_path, rack())
+    given = ["--labels", str(labels), "--pictures", str(tmp_path), "--ways", "letterboxed"]
+    figures = photos.run(parser.parse_args(given))
+    assert "shelves.int8.onnx, letterboxed: IoU, found, wrong of upright, beam" in capsys.readouterr().out
+    assert set(figures["shelves.int8.onnx, letterboxed, beam"]) >= {"IoU", "found %", "wrong %"}
 
 
 def test_wide_photographs_are_measured_at_1280(tmp_path: Path) -> None:
-    from photos import others
+    from bench.photos import others
 
     image = np.ascontiguousarray(rack().repeat(4, 0).repeat(4, 1))
-    _photos(tmp_path, image)
+    _made(tmp_path, image)
     (photograph,) = others(tmp_path / "labels", tmp_path, CLASSES)
     assert photograph.image.shape == (960, 1280, 3)
 
 
-def _photos(folder: Path, image: Bytes) -> Callable[..., None]:
-    """The script, for one photograph in a folder."""
-    import photos
-
+def _made(folder: Path, image: Bytes) -> Path:
+    """A photograph in a folder, and the folder of its labels."""
     labels = folder / "labels"
     labels.mkdir()
     labelme(labels, SHAPES)
     cv2.imwrite(str(folder / "made.png"), image[:, :, ::-1])
-
-    def run(*arguments: str) -> None:
-        photos.main(["--labels", str(labels), "--pictures", str(folder), *arguments])
-
-    return run
+    return labels
 
 
 def test_photographs_of_the_repository_can_be_measured() -> None:
-    from photo_labels import read_pieces
+    from bench.photos import read_pieces
 
-    entries = json.loads((BENCH / "photos" / "photos.json").read_text())
+    entries = json.loads((BENCH / "photo_data" / "photos.json").read_text())
     assert len(entries) >= 25
     assert len({entry["repository"] for entry in entries}) >= 10
     assert len({entry["sha256"] for entry in entries}) == len(entries)
     names = [entry["name"] for entry in entries]
-    assert sorted(path.stem for path in (BENCH / "photos" / "labels").iterdir()) == sorted(names)
-    page = (ROOT / "docs" / "photographs.md").read_text()
+    assert sorted(path.stem for path in (BENCH / "photo_data" / "labels").iterdir()) == sorted(names)
     for entry in entries:
         assert not any(name in entry["path"] for name in KEPT)
         assert len(entry["commit"]) == 40
         assert len(entry["sha256"]) == 64
-        assert f"| {entry['name']} | {entry['repository']} |" in page
-        pieces = read_pieces(BENCH / "photos" / "labels" / f"{entry['name']}.json")
+        pieces = read_pieces(BENCH / "photo_data" / "labels" / f"{entry['name']}.json")
         assert {piece.label for piece in pieces} <= {*CLASSES, "background", "ignore"}
         assert {piece.label for piece in pieces if piece.front} & set(CLASSES)

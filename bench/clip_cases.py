@@ -1,12 +1,14 @@
-"""What real cameras give, on a cart or in a hand: cases for `physics_footage.py`, of simulated rows, whose camera's path is known.
+"""Ways in which a row's clip can be wrong, or harmlessly different, and what is to come of each: cases for `physics-footage`.
 
-Where the camera, or one of its two lenses, stands elsewhere, the aisle is taken for a box of two faces, a floor and a ceiling: what lies in the
-faces and on the floor is displaced rightly, what lies behind the faces a little too much.
+`CASES` change a drive, `FILES` are the same pictures in the files that cameras, telephones and editing programs give, and `camera_cases` are what
+real cameras give, on a cart or in a hand, of simulated rows, whose camera's path is given. Where the camera, or one of its two lenses, stands
+elsewhere, the aisle is taken for a box of two faces, a floor and a ceiling: what lies in the faces and on the floor is displaced rightly, what
+lies behind the faces a little too much.
 """
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,199 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from physics_pictures import cropped, sampled, turned
-from physics_videos import Frames, Image
-from physics_ways import Case, of
 
+from bench.clips import (
+    Frames,
+    Image,
+    cropped,
+    eyes,
+    lit,
+    ordinary,
+    out_of_focus,
+    patched,
+    sampled,
+    seamed,
+    smeared_lens,
+    turned,
+    two_fisheyes,
+)
 from savmap.geometry.pinhole import rig_from_view
 from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.types import Floats
+
+
+@dataclass(frozen=True)
+class Case:
+    """A way to change a row's clip. `words`: a pattern of the true reason, where it is to be caught; "" where the map is to be trusted.
+    `either`: it may also be trusted, if it is right. `side`, `part`: the
+    hand and the part of the clip (shares) that the site file says. `new_way`: the rig goes in another direction of its panorama."""
+
+    name: str
+    change: Callable[[Frames, Frames], Frames]
+    words: str = ""
+    either: bool = False
+    side: Callable[[str], str] = field(default=lambda side: side)
+    part: tuple[float, float] | None = None
+    new_way: bool = False
+    container: Mapping[str, Any] = field(default_factory=dict)
+
+
+def again(frames: Frames, pictures: Sequence[Image]) -> Frames:
+    """Pictures at the rate of the clip."""
+    step = frames[1][0] - frames[0][0]
+    return [(index * step, picture) for index, picture in enumerate(pictures)]
+
+
+def of(change: Callable[[Image], Image]) -> Callable[[Frames, Frames], Frames]:
+    """A change of every picture."""
+    return lambda frames, _: [(stamp, change(picture)) for stamp, picture in frames]
+
+
+def ordered(order: Callable[[list[Image]], list[Image]]) -> Callable[[Frames, Frames], Frames]:
+    """A change of the pictures' order and number."""
+    return lambda frames, _: again(frames, order([picture for _, picture in frames]))
+
+
+def from_middle(change: Callable[[Image], Image]) -> Callable[[Frames, Frames], Frames]:
+    """A change from the middle of the clip on."""
+    return lambda frames, _: [
+        (stamp, change(picture) if index >= len(frames) // 2 else picture)
+        for index, (stamp, picture) in enumerate(frames)
+    ]
+
+
+def without(frames: Frames, stamped: bool) -> Frames:
+    """Without a sixth of the frames, in the middle; `stamped`: the others keep their times."""
+    middle, count = len(frames) // 2, len(frames) // 6
+    kept = [*frames[:middle], *frames[middle + count :]]
+    return kept if stamped else again(frames, [picture for _, picture in kept])
+
+
+def u_turn(pictures: list[Image]) -> list[Image]:
+    """To the end, round, and back."""
+    turning = [turned(angle)(pictures[-1]) for angle in range(20, 180, 20)]
+    return [*pictures, *turning, *map(turned(180), pictures[::-1])]
+
+
+def smeared(pictures: list[Image]) -> list[Image]:
+    """With one frame that shows nothing."""
+    grey = np.random.default_rng(3).integers(0, 255, pictures[0].shape, dtype=np.uint8)
+    return [*pictures[: len(pictures) // 2], grey, *pictures[len(pictures) // 2 + 1 :]]
+
+
+def other_hand(side: str) -> str:
+    return "left" if side == "right" else "right"
+
+
+def hesitating(pictures: list[Image]) -> list[Image]:
+    """Back by six frames half-way, and on."""
+    half = len(pictures) // 2
+    return [*pictures[:half], *pictures[half - 6 : half][::-1], *pictures[half - 6 :]]
+
+
+def standing(pictures: list[Image], count: int) -> list[Image]:
+    """Half-way the camera stands for so many frames."""
+    half = len(pictures) // 2
+    return [*pictures[:half], *[pictures[half]] * count, *pictures[half:]]
+
+
+def cut_to(frames: Frames, other: Frames) -> Frames:
+    """From the middle on, another row."""
+    return again(frames, [picture for _, picture in [*frames[: len(frames) // 2], *other[5:25]]])
+
+
+BACK, CUT, MISSING = "goes back the way it came", "a cut|after a cut", "frames are missing"
+CONTRADICTED = "contradict|heights|bays were found|reference|rest says"
+BADLY_SEEN = "seen|measured|fit|support|part|bays"
+CASES = (
+    Case("as it is", of(lambda picture: picture)),
+    Case("turned by 70 degrees", of(turned(70)), new_way=True),
+    Case("pitched by 15 degrees", of(turned(0, 15, 5)), new_way=True),
+    Case("upside down", of(turned(0, 0, 180)), "upside down|no building|no structure|tilted|contradict|bays were found", True, new_way=True),
+    Case("reversed", ordered(lambda p: p[::-1]), side=other_hand),
+    Case("reversed, side as it was", ordered(lambda p: p[::-1]), f"{CONTRADICTED}|not on the|side"),
+    Case("mirrored", of(lambda p: p[:, ::-1]), f"{CONTRADICTED}|residual", new_way=True),
+    Case("there and back", ordered(lambda p: [*p, *p[::-1]]), BACK),
+    Case("there and a third back", ordered(lambda p: [*p, *p[::-1][: len(p) // 3]]), BACK),
+    Case("there, round and back", ordered(u_turn), f"{BACK}|turned away"),
+    Case("hesitates", ordered(hesitating), BACK, True),
+    Case("turns away at the end", ordered(lambda p: [*p, *[turned(a)(p[-1]) for a in range(15, 106, 15)]]), "turned away", True),
+    Case("stands for ten frames", ordered(lambda p: standing(p, 10))),
+    Case("stands most of the time", ordered(lambda p: standing(p, 2 * len(p))), "stands for", True),
+    Case("every frame twice", ordered(lambda p: [picture for picture in p for _ in (0, 1)])),
+    Case("gap, times kept", lambda frames, _: without(frames, True), MISSING),
+    Case("gap, times rewritten", lambda frames, _: without(frames, False), MISSING),
+    Case("three frames missing", ordered(lambda p: [*p[: len(p) // 2], *p[len(p) // 2 + 3 :]]), MISSING, True),
+    Case("cut to another row", cut_to, CUT),
+    Case("cut, camera turned round", from_middle(turned(180)), CUT),
+    Case("turned by 90 degrees half-way", from_middle(turned(90)), f"{CUT}|turned away"),
+    Case("turned by 20 degrees half-way", from_middle(turned(20)), f"{CUT}|turned away", True),
+    Case("cropped and stretched", of(cropped(0.08)), "whole equirectangular|whole panorama|no panorama|contradict|rest says|fit"),
+    Case("smear on a lens, left", of(smeared_lens(-90, 50, 8.0)), BADLY_SEEN, True),
+    Case("smear on a lens, right", of(smeared_lens(90, 50, 8.0)), BADLY_SEEN, True),
+    Case("out of focus", of(out_of_focus), "seen|measured|fit|part|bays", True),
+    Case("one smeared frame", ordered(smeared)),
+    Case("step of exposure", from_middle(lit(1.6))),
+    Case("dark", of(lit(0.3, 3.0))),
+    Case("tripod and logo", of(patched)),
+    Case("lenses exposed differently", of(seamed)),
+    Case("the first half only", of(lambda p: p), "part|heights|bays|seen|no such thing was found", part=(0.0, 0.5)),
+    Case("VR180 side by side", of(eyes(np.pi, False)), "side by side"),
+    Case("stereo side by side", of(eyes(2 * np.pi, False)), "side by side"),
+    Case("stereo above one another", of(eyes(2 * np.pi, True)), "one eye above"),
+    Case("two fisheyes", of(two_fisheyes), "fisheye"),
+    Case("ordinary video", of(ordinary), "no panorama"),
+    Case("flag: turn by 180 degrees", of(lambda p: p), "to be turned", container={"degrees": 180}),
+    Case("two streams", of(lambda p: p), "2 video streams", container={"streams": 2}),
+)  # fmt: skip
+
+X265 = {"crf": "16", "preset": "ultrafast", "x265-params": "log-level=none:keyint=30"}
+
+
+def as_they_are(frames: Frames, _: Frames) -> Frames:
+    return frames
+
+
+def jittered(frames: Frames, _: Frames) -> Frames:
+    """Times that a telephone gives: each off by up to a third of a frame."""
+    step = frames[1][0] - frames[0][0]
+    return [
+        (stamp + step * (0.0, 0.31, -0.22, 0.12, -0.3, 0.05)[index % 6], one)
+        for index, (stamp, one) in enumerate(frames)
+    ]
+
+
+def drawn_out(frames: Frames, _: Frames) -> Frames:
+    """Times of 30000/1001 Hz and its fifths."""
+    return [(index * 5 * 1001 / 30000, one) for index, (_, one) in enumerate(frames)]
+
+
+def packed(name: str, **packing: Any) -> Case:
+    """The same pictures in another file."""
+    return Case(name, as_they_are, container=packing)
+
+
+FILES = (
+    packed("HEVC, 8 bit", codec="libx265", stream=X265),
+    packed("HEVC, 10 bit, BT.2020", codec="libx265", pixels="yuv420p10le", stream=X265, matrix=9),
+    packed("full range, said so, BT.709", full=True, says_full=True, matrix=1),
+    packed("full range, not said", full=True, says_full=False),
+    packed("limited range, said to be full", full=False, says_full=True),
+    packed("8 Mbit/s at 30 Hz", stream={"preset": "medium", "g": "30"}, bit_rate=1_600_000),
+    Case("times jitter", jittered),
+    Case("29.97 Hz", drawn_out),
+    packed("B frames, edit list", stream={"crf": "16", "preset": "medium", "bf": "3", "g": "12"}),
+    packed("edit list cuts 0.5 s", stream={"crf": "16", "preset": "medium", "bf": "2", "g": "40"}, start_s=-0.5),
+    packed("sound and a time code track", sound=True, timecode="01:00:00:00", suffix=".mov"),
+    packed("sound, begins at 1 h", sound=True, start_s=3600.0, suffix=".mov", muxer={"use_editlist": "0"}),
+    packed("begins at 1 h, edit list", start_s=3600.0, suffix=".mov"),
+    packed("Matroska", suffix=".mkv"),
+    packed("Matroska, says 30 Hz", suffix=".mkv", rate=30),
+    packed("Matroska, begins at 1 h", suffix=".mkv", start_s=3600.0),
+    packed("transport stream", suffix=".ts"),
+    packed("fragmented MP4", muxer={"movflags": "frag_keyframe+empty_moov+default_base_moof"}),
+    packed("ProRes 4:2:2, 10 bit", suffix=".mov", codec="prores_ks", pixels="yuv422p10le", stream={"profile": "2"}),
+)
 
 Rays = NDArray[np.floating[Any]]
 CEILING_M = 7.0
