@@ -26,7 +26,7 @@ def surveyed() -> Row:
 
 def lamp(number: int, *vertices: list[float]) -> Structure:
     count = len(vertices)
-    labels = ("end 0", "end 1") if count == 2 else ("centre",)
+    labels = ("end 0", "end 1") if count == 2 else ("centre",) * count
     edges = np.array([[0, 1]] if count == 2 else [], dtype=np.int64).reshape(-1, 2)
     return Structure(f"light {number}", "light", np.array(vertices), np.zeros((count, 3, 3)), labels, edges)
 

@@ -21,7 +21,7 @@ SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0, every=2)
 
 
 def plan(config: Settings, manual: Mapping[str, Manual] | None = None) -> ViewPlan:
-    preview = SimpleNamespace(rig_from_manhattan=RIG_FROM_FACE @ LEVEL, apart=lambda: 4)
+    preview = SimpleNamespace(rig_from_manhattan=RIG_FROM_FACE @ LEVEL, frame_step=lambda: 4)
     return Signs(config).render_views(pass_preview=preview, manual=manual or {}, attitude=None)  # type: ignore[arg-type]
 
 
