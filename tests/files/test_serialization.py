@@ -2,7 +2,8 @@
 
 import json
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pytest
@@ -46,18 +47,16 @@ def test_what_is_packed_comes_back_to_the_last_bit() -> None:
     assert (after.locators, after.notes, after.facts.name) == (before.locators, before.notes, "A/1")
     np.testing.assert_array_equal(after.facts.frames.stamps_s, before.facts.frames.stamps_s)
     np.testing.assert_array_equal(after.attitudes["pass 1"], before.attitudes["pass 1"])
-    for room, own in before.features.items():
-        for one, other in zip(own, after.features[room], strict=True):
-            np.testing.assert_array_equal(one.pixels, other.pixels)
-            np.testing.assert_array_equal(one.covariance, other.covariance)
-            assert (one.frame, one.axis, one.score, one.neighbours, one.readings) == (
-                other.frame,
-                other.axis,
-                other.score,
-                other.neighbours,
-                other.readings,
-            )
+    for name, features in before.features.items():
+        assert_same(features, after.features[name])
     assert packed(after) == packed(before)
+
+
+def assert_same(features: Sequence[Feature], others: Sequence[Feature]) -> None:
+    for feature, other in zip(features, others, strict=True):
+        for field in fields(Feature):
+            np.testing.assert_array_equal(getattr(feature, field.name), getattr(other, field.name))
+        assert list(feature.neighbours.items()) == list(other.neighbours.items())
 
 
 def test_records_of_one_kind_stand_field_by_field() -> None:
@@ -70,11 +69,7 @@ def test_records_of_one_kind_stand_field_by_field() -> None:
     content = packed(before)
     after = unpacked(content, tuple)
     assert zlib.decompress(content).count(b"savmap.types.pictures") == 1
-    for one, other in zip(before, after, strict=True):
-        np.testing.assert_array_equal(one.pixels, other.pixels)
-        np.testing.assert_array_equal(one.covariance, other.covariance)
-        assert list(one.neighbours.items()) == list(other.neighbours.items())
-        assert (one.axis, one.instance, one.score) == (other.axis, other.instance, other.score)
+    assert_same(before, after)
     assert packed(after) == content
 
 
