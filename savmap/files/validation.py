@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 UNKNOWN = ("extra_forbidden", "invalid_key")
 SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
+SHORT.maxlevel = 2
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
 COMMA = re.compile(r"\s*([+-]?\d+),(\d+)\s*")
 CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
