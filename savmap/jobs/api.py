@@ -14,10 +14,8 @@ from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
 from savmap.maps.distance import VertexDistance, vertex_distance
 from savmap.maps.exports import export_map, format_of
-from savmap.maps.imports import elements_of
-from savmap.maps.imports.places import RowPlaces, in_rows, place_of
 from savmap.maps.imports.records import options_of
-from savmap.maps.imports.survey import ImportedSurvey, survey_of
+from savmap.maps.imports.survey import ImportedSurvey, RowPlaces, elements_of, in_rows, place_of, survey_of
 from savmap.maps.map_file import map_in, read_map, write_map
 from savmap.maps.search import SearchHit, find_structures
 from savmap.maps.survey import read_survey
@@ -189,7 +187,7 @@ def import_survey(
     Raises SiteError for an option that is wrong, OutputError for a file that cannot be read, or does not say enough.
     """
     stand = RowPlaces(site_map if site_map is None else _map_of(site_map), dict(map(place_of, _several(places) or [])))
-    options = options_of(columns or {}, labels or {}, unit, row, frame, stand.known)
+    options = options_of(columns or {}, labels or {}, unit, row, frame, bool(stand))
     files = [where(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
     classes = {name: tuple(plugin.classes) for name, plugin in load_installed().classes.items()}
     names = {label.casefold(): label for labels_of_plugin in classes.values() for label in labels_of_plugin}

@@ -25,7 +25,7 @@ from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
-from savmap.maps.exports.json_text import timestamp
+from savmap.maps.exports.files import timestamp
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
 from savmap.maps.run_record import LOG, FootageFile, RunLog, write_log

@@ -1,15 +1,14 @@
 """The distance between two vertices of a map, with a standard deviation that knows what errors they share."""
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from savmap.errors import SiteError
-from savmap.maps.assumed import assumed_coordinates
 from savmap.maps.exports.frames import in_site
-from savmap.types import Floats, RowMap, SiteMap, Structure, array_record
+from savmap.types import Floats, SiteMap, Structure, array_record
 
 NOT_JOINT = "errors that both share count twice, for this map does not say which they are"
 PLACES = "the rows' places are taken for independent"
@@ -38,19 +37,19 @@ class MapVertex:
 @dataclass(frozen=True, eq=False)
 @array_record
 class VertexDistance:
-    """From one vertex to another: `apart` (3,) m, in the row's frame or, for vertices of different rows, the site's,
-    with its covariance (3, 3) m^2. `remark`: what it does not know, and which coordinates are assumed; empty where the
-    errors that both share are left out of it and all was measured."""
+    """From one vertex to another: `difference_m` (3,), in the row's frame or, for vertices of different rows, the
+    site's, with its covariance (3, 3) m^2. `remark`: what it does not know, and which coordinates are assumed; empty
+    where the errors that both share are left out of it and all was measured."""
 
     first: MapVertex
     second: MapVertex
-    apart: Floats
+    difference_m: Floats
     covariance: Floats
     remark: str = ""
 
     @property
     def length_m(self) -> float:
-        return float(np.linalg.norm(self.apart))
+        return float(np.linalg.norm(self.difference_m))
 
     @property
     def sigma_m(self) -> float:
@@ -58,13 +57,14 @@ class VertexDistance:
         length = self.length_m
         if length == 0:
             return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
-        along = self.apart / length
+        along = self.difference_m / length
         return float(np.sqrt(np.maximum(along @ self.covariance @ along, 0.0)))
 
     def __str__(self) -> str:
         sigmas = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         axes = ", ".join(
-            f"{axis} {_metres(value, sigma)}" for axis, value, sigma in zip("xyz", self.apart, sigmas, strict=True)
+            f"{axis} {_metres(value, sigma)}"
+            for axis, value, sigma in zip("xyz", self.difference_m, sigmas, strict=True)
         )
         return f"{_metres(self.length_m, self.sigma_m)} ({axes}){self.remark and '; '}{self.remark}"
 
@@ -76,22 +76,22 @@ def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
     a, b = _vertex(site, first), _vertex(site, second)
     if a.row != b.row:
         return _between_rows(site, a, b)
-    row: RowMap = site.rows[a.row]
-    apart = b.structure.vertices[b.number] - a.structure.vertices[a.number]
+    joint = site.rows[a.row].joint
+    difference = b.structure.vertices[b.number] - a.structure.vertices[a.number]
     if a.place == b.place:
-        return VertexDistance(a, b, apart, np.zeros((3, 3)))
-    if row.joint is None:
+        return VertexDistance(a, b, difference, np.zeros((3, 3)))
+    if joint is None:
         covariance = a.structure.covariances[a.number] + b.structure.covariances[b.number]
-        return VertexDistance(a, b, apart, covariance, NOT_JOINT)
-    ends = ((one.plugin, one.structure, one.number) for one in (a, b))
-    return VertexDistance(a, b, apart, row.joint.of_difference(*ends), _assumptions(site, a, b))
+        return VertexDistance(a, b, difference, covariance, NOT_JOINT)
+    covariance = joint.of_difference(*((end.plugin, end.structure, end.number) for end in (a, b)))
+    return VertexDistance(a, b, difference, covariance, _assumptions(site, a, b))
 
 
 def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
-    apart = [one.row for one in (a, b) if one.row not in site.placements]
-    if apart:
-        raise SiteError(f"row {apart[0]} has no place in the site's frame: distances to other rows are not known")
-    first, second = (in_site(one.structure, site.placements[one.row]) for one in (a, b))
+    for end in (a, b):
+        if end.row not in site.placements:
+            raise SiteError(f"row {end.row} has no place in the site's frame: distances to other rows are not known")
+    first, second = (in_site(end.structure, site.placements[end.row]) for end in (a, b))
     covariance = first.covariances[a.number] + second.covariances[b.number]
     remark = "; ".join(filter(None, (PLACES, _assumptions(site, a, b))))
     return VertexDistance(a, b, second.vertices[b.number] - first.vertices[a.number], covariance, remark)
@@ -100,30 +100,31 @@ def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:
 def _assumptions(site: SiteMap, *ends: MapVertex) -> str:
     """Which coordinates of vertices nothing measured, in the axes of their rows, as far as the map knows what was
     solved for."""
-    said = (
-        f"{axis} of `{one.label}` was not measured, it is assumed to +- {1000 * sigma:.0f} mm"
-        for one in ends
-        for axis, sigma in _assumed(site, one)
-    )
+    said = []
+    for end in ends:
+        assumed = end.structure.assumed(end.plugin, site.rows[end.row].joint)[end.number]
+        sigmas = np.sqrt(np.diag(end.structure.covariances[end.number]))
+        for axis in np.flatnonzero(assumed):
+            sigma_mm = f"{1000 * sigmas[axis]:.0f}"
+            said.append(f"{'xyz'[axis]} of `{end.label}` was not measured, it is assumed to +- {sigma_mm} mm")
     return "; ".join(said)
-
-
-def _assumed(site: SiteMap, one: MapVertex) -> Iterator[tuple[str, float]]:
-    assumed = assumed_coordinates(site.rows[one.row], one.plugin, one.structure)[one.number]
-    variances = np.diag(one.structure.covariances[one.number])
-    for axis, variance, unsolved in zip("xyz", variances, assumed, strict=True):
-        if unsolved:
-            yield axis, float(np.sqrt(variance))
 
 
 def _vertex(site: SiteMap, name: str) -> MapVertex:
     row, _, label = name.rpartition(":")
-    vertices = [vertex for vertex in _vertices(site) if not row or vertex.row == row.strip()]
+    vertices = [
+        MapVertex(mapped.name, plugin, structure, number)
+        for mapped in site.rows.values()
+        if not row or mapped.name == row.strip()
+        for plugin, structures in mapped.structures.items()
+        for structure in structures
+        for number in range(len(structure.vertices))
+    ]
     wanted = label.strip().lower()
     hits = [vertex for vertex in vertices if vertex.label.lower() == wanted] or _first_of_edge(vertices, wanted)
     if not hits:
         labels = sorted({vertex.label for vertex in vertices})
-        near = [known for known in labels if known.lower().startswith(f"{label.strip().lower()} /")][:8]
+        near = [name for name in labels if name.lower().startswith(f"{wanted} /")][:8]
         near = near or difflib.get_close_matches(label.strip(), labels, 3)
         raise SiteError(f"`{name}` is no vertex of the map" + (f"; nearest: {'; '.join(near)}" if near else ""))
     if len(hits) > 1:
@@ -135,21 +136,14 @@ def _vertex(site: SiteMap, name: str) -> MapVertex:
 def _first_of_edge(vertices: Iterable[MapVertex], name: str) -> list[MapVertex]:
     """The first vertex in each row of an edge, "upright 1 / left", as site files call it; none for the name of a whole
     structure, which has several edges."""
-    own = [
+    parts = [
         vertex
         for vertex in vertices
-        if vertex.structure.id.lower() != name and vertex.label.lower().startswith((f"{name} ", f"{name} /"))
+        if vertex.structure.id.lower() != name
+        and vertex.label.lower().startswith((f"{name} ", f"{name} /"))
+        and name.startswith(vertex.structure.id.lower())
     ]
-    whole = [vertex for vertex in own if name.startswith(vertex.structure.id.lower())]
-    return [*{vertex.row: vertex for vertex in reversed(whole)}.values()]
-
-
-def _vertices(site: SiteMap) -> Iterator[MapVertex]:
-    for row in site.rows.values():
-        for plugin, structures in row.structures.items():
-            for structure in structures:
-                for number in range(len(structure.vertices)):
-                    yield MapVertex(row.name, plugin, structure, number)
+    return [*{vertex.row: vertex for vertex in reversed(parts)}.values()]
 
 
 def _metres(value: float, sigma: float) -> str:

@@ -4,10 +4,12 @@ Coordinates are rounded to 0.01 mm, standard deviations to 0.001 mm, covariances
 decimals.
 """
 
+import base64
+import binascii
 import json
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -17,12 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
-from savmap.files.kinds import kind_of
 from savmap.files.texts import json_of, json_visible
 from savmap.files.urls import where
 from savmap.files.validation import checked
 from savmap.maps import schema
-from savmap.maps.joint_covariance import joint_entry, joint_of
 from savmap.maps.schema import MeasuredEntry
 from savmap.types import (
     Alignment,
@@ -32,6 +32,7 @@ from savmap.types import (
     Doubt,
     Floats,
     FrameTable,
+    JointCovariance,
     Measured,
     Placement,
     ReferenceUse,
@@ -50,7 +51,8 @@ COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
 LEAST_SIGMA = 10.0**-FIGURE
 """Of a reference: readers divide by it."""
 UPPER = np.triu_indices(3)
-NUMBERS = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
+JOINT_NUMBERS = "<f4"
+NUMBER_LIST = re.compile(r"\[\n\s*([-+.\deE,\s]+?)\s*\n\s*\]")
 
 Entry = dict[str, Any]
 
@@ -108,19 +110,19 @@ def map_text(site: SiteMap) -> str:
         text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
     except ValueError as error:
         raise OutputError(f"the map holds a number that is not finite ({error}); it was not written") from error
-    return json_visible(NUMBERS.sub(lambda found: "[" + " ".join(found[1].split()) + "]", text)) + "\n"
+    return json_visible(NUMBER_LIST.sub(lambda match: "[" + " ".join(match[1].split()) + "]", text)) + "\n"
 
 
 def _row_entry(row: RowMap) -> Entry:
-    judged = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
-    joint = {"joint": joint_entry(row.joint)} if row.joint else {}
+    verdict = {"verdict": _verdict_entry(row.verdict)} if row.verdict else {}
+    joint = {"joint": _joint_entry(row.joint)} if row.joint else {}
     return {
         "trajectory": _trajectory_entries(row.frames, row.trajectory),
         "views": {name: _view_entry(spec) for name, spec in row.views.items()},
         "structures": {plugin: list(map(_structure_entry, group)) for plugin, group in row.structures.items()},
         "references": [_reference_entry(use) for use in row.references],
-        "report": {name: _plain(value) for name, value in row.report.items()},
-        **judged,
+        "report": {name: _value(value) for name, value in row.report.items()},
+        **verdict,
         **joint,
     }
 
@@ -135,12 +137,6 @@ def _doubt_entry(doubt: Doubt) -> Entry:
     where = {"structures": list(doubt.structures), "place_m": place, "frame": doubt.frame}
     said = {"headline": doubt.headline, "figure": doubt.figure, "action": doubt.action, "details": list(doubt.details)}
     return {"kind": doubt.kind, **said, **where}
-
-
-def _verdict(entry: schema.VerdictEntry | None) -> Verdict | None:
-    if entry is None:
-        return None
-    return Verdict(tuple(map(_doubt, entry.doubts)), tuple(entry.notes))
 
 
 def _doubt(entry: schema.DoubtEntry) -> Doubt:
@@ -212,6 +208,16 @@ def _vertex_entry(label: str, position: Floats, covariance: Floats) -> Entry:
     }
 
 
+def _joint_entry(joint: JointCovariance) -> Entry:
+    triangle = joint.covariance[np.triu_indices(len(joint.covariance))].astype(JOINT_NUMBERS)
+    coordinates = {
+        plugin: {name: numbers.tolist() for name, numbers in group.items()}
+        for plugin, group in joint.coordinates.items()
+    }
+    text = base64.b64encode(triangle.tobytes()).decode("ascii")
+    return {"size": len(joint.covariance), "coordinates": coordinates, "covariance_m2": text}
+
+
 def _reference_entry(use: ReferenceUse) -> Entry:
     """The residual is that of the rounded numbers, which a reader has."""
     value, sigma, solved = _rounded((use.value, use.sigma, use.solved), FIGURE)
@@ -267,32 +273,29 @@ def _or_null(values: Floats) -> list[float | None]:
 
 def _attribute_entry(value: Attribute) -> Entry | float | int | str:
     if isinstance(value, Measured):
-        return {"value": _plain(value.value), "sigma": _plain(value.sigma)}
-    return _plain(value)
+        return {"value": _value(value.value), "sigma": _value(value.sigma)}
+    return _value(value)
 
 
 def _attribute(entry: float | int | str | MeasuredEntry) -> Attribute:
     return Measured(entry.value, entry.sigma) if isinstance(entry, MeasuredEntry) else entry
 
 
-def _plain(value: float | int | str) -> float | int | str:
+def _value(value: float | int | str) -> float | int | str:
     if isinstance(value, str):
         return value
     return int(value) if isinstance(value, int | np.integer) else round(float(value), FIGURE) + 0.0
 
 
 def _site_map(content: object, path: str) -> SiteMap:
-    if not isinstance(content, dict) or content.get("format") != schema.FORMAT:
-        kind = kind_of(content)
-        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a map (it has no "format": "{schema.FORMAT}")')
-    if content.get("version") != schema.VERSION:
-        raise OutputError(
-            f"{path}: is a map of version {content.get('version')}; this program reads version {schema.VERSION}"
-        )
+    schema.require_format(content, path, "map", schema.FORMAT, schema.VERSION)
     entry = checked(schema.MapFile, content, path)
     try:
         rows = {name: _row_map(name, row) for name, row in entry.rows.items()}
-        placements = {name: _placement(placement) for name, placement in entry.placed.items()}
+        placements = {
+            name: Placement(placed.x_m, placed.z_m, placed.heading_deg, _symmetric(placed.covariance))
+            for name, placed in entry.placed.items()
+        }
         matches = tuple(_match(match) for match in entry.ties)
         alignment = _alignment(entry.aligned)
     except ValueError as error:
@@ -301,17 +304,58 @@ def _site_map(content: object, path: str) -> SiteMap:
 
 
 def _row_map(name: str, row: schema.RowEntry) -> RowMap:
+    stamps_s, passes = [frame.stamp_s for frame in row.trajectory], tuple(frame.pass_name for frame in row.trajectory)
+    verdict = None if row.verdict is None else Verdict(tuple(map(_doubt, row.verdict.doubts)), tuple(row.verdict.notes))
     return RowMap(
         name=name,
-        frames=_frame_table(row.trajectory),
+        frames=FrameTable(np.array(stamps_s), passes),
         views={view: _view(view, entry) for view, entry in row.views.items()},
         trajectory=_trajectory(row.trajectory),
         structures={plugin: tuple(map(_structure, group)) for plugin, group in row.structures.items()},
         references=tuple(map(_reference, row.references)),
         report=row.report,
-        verdict=_verdict(row.verdict),
-        joint=joint_of(row),
+        verdict=verdict,
+        joint=_joint(row),
     )
+
+
+def _joint(row: schema.RowEntry) -> JointCovariance | None:
+    """A row's joint covariance. Raises ValueError where it is none of the row's structures."""
+    if row.joint is None:
+        return None
+    sizes = {(plugin, entry.id): len(entry.vertices) for plugin, group in row.structures.items() for entry in group}
+    coordinates = {
+        plugin: {
+            name: _coordinates(vertices, f"{plugin}: {name}", sizes.get((plugin, name)), row.joint.size)
+            for name, vertices in group.items()
+        }
+        for plugin, group in row.joint.coordinates.items()
+    }
+    return JointCovariance(coordinates, _joint_matrix(row.joint))
+
+
+def _coordinates(vertices: list[tuple[int, int, int]], where: str, count: int | None, size: int) -> Any:
+    if count is None:
+        raise ValueError(
+            f"joint: {where} is none of the structures; whoever edits a map takes it out of `joint`, too, or leaves "
+            "`joint` out"
+        )
+    if len(vertices) != count:
+        raise ValueError(f"joint: {where} has {count} vertices, not {len(vertices)}")
+    if any(number >= size for vertex in vertices for number in vertex):
+        raise ValueError(f"joint: {where}: a coordinate is not among the {size}")
+    return np.array(vertices, dtype=np.int64).reshape(-1, 3)
+
+
+def _joint_matrix(entry: schema.JointEntry) -> Floats:
+    try:
+        content = base64.b64decode(entry.covariance_m2, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise ValueError(f"joint: covariance_m2 is not base64 ({error})") from error
+    triangle = np.frombuffer(content[: len(content) // 4 * 4], JOINT_NUMBERS).astype(np.float64)
+    if len(triangle) != entry.size * (entry.size + 1) // 2 or not np.isfinite(triangle).all():
+        raise ValueError(f"joint: covariance_m2 is not the finite upper triangle of {entry.size} lines")
+    return _symmetric(triangle, entry.size)
 
 
 def _reference(entry: schema.ReferenceEntry) -> ReferenceUse:
@@ -319,10 +363,6 @@ def _reference(entry: schema.ReferenceEntry) -> ReferenceUse:
     softened = entry.sigma_used if entry.sigma_used is not None and entry.sigma_used > entry.sigma else None
     given = entry.name, entry.value, entry.sigma, entry.solved, entry.unit
     return ReferenceUse(*given, softened, entry.state == "left out")
-
-
-def _frame_table(entries: list[schema.FrameEntry]) -> FrameTable:
-    return FrameTable(np.array([entry.stamp_s for entry in entries]), tuple(entry.pass_name for entry in entries))
 
 
 def _trajectory(entries: list[schema.FrameEntry]) -> Trajectory:
@@ -366,10 +406,6 @@ def _solid(entry: schema.SolidEntry | None) -> Solid | None:
     )
 
 
-def _placement(entry: schema.PlacementEntry) -> Placement:
-    return Placement(entry.x_m, entry.z_m, entry.heading_deg, _symmetric(entry.covariance))
-
-
 def _alignment(entry: schema.AlignmentEntry | None) -> Alignment | None:
     if entry is None:
         return None
@@ -389,9 +425,9 @@ def _match(entry: schema.MatchEntry) -> CrossRowMatch:
     return CrossRowMatch(entry.row_a, entry.row_b, entry.id_a, entry.id_b, residual, sigma)
 
 
-def _symmetric(upper: Iterable[float]) -> Floats:
-    """The symmetric matrix (3, 3) of an upper triangle, row by row."""
-    full = np.zeros((3, 3))
-    full[UPPER] = list(upper)
+def _symmetric(upper: Sequence[float] | Floats, size: int = 3) -> Floats:
+    """The symmetric matrix (size, size) of an upper triangle, row by row."""
+    full = np.zeros((size, size))
+    full[np.triu_indices(size)] = upper
     matrix: Floats = full + np.triu(full, 1).T
     return matrix

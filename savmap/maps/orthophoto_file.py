@@ -64,12 +64,12 @@ def write_orthophoto(row: str, photo: Orthophoto, folder: Path) -> Path:
 
 def read_orthophotos(rows: Iterable[str], folder: Path) -> dict[str, Orthophoto]:
     """The orthophotos in a folder of those rows that have one there. Raises OutputError for one that cannot be read."""
-    found = {}
+    photos = {}
     for row in rows:
         picture, said, *_ = orthophoto_files(row, folder)
         if picture.is_file() and said.is_file():
-            found[row] = _read(picture, said)
-    return found
+            photos[row] = _read(picture, said)
+    return photos
 
 
 def world_file(photo: Orthophoto) -> str:
@@ -82,7 +82,7 @@ def world_file(photo: Orthophoto) -> str:
 
 
 def gdal_text(row: str, photo: Orthophoto) -> str:
-    """The same for GDAL (`.aux.xml`): a plane of its own in metres, which is no place on Earth, the picture in it, and
+    """The same for GDAL (`.aux.xml`): a local plane in metres, which is no place on Earth, the picture in it, and
     what the plane is."""
     left, top = _upper_left(photo)
     dataset = Element("PAMDataset")

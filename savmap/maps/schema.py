@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from savmap.errors import OutputError
+from savmap.files.kinds import kind_of
 from savmap.types.verdicts import DoubtKind
 
 FORMAT = "savmap-map"
@@ -245,6 +247,18 @@ class MapFile(_Part):
     aligned: AlignmentEntry | None = Field(default=None, description="where the site stands in the user's world")
 
 
+def require_format(content: object, path: str, what: str, name: str, version: int) -> None:
+    """Raise OutputError for what was read from a file and is no map, survey (`what`) of this format and version."""
+    if not isinstance(content, dict) or content.get("format") != name:
+        kind = kind_of(content)
+        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a {what} (it has no "format": "{name}")')
+    if content.get("version") != version:
+        raise OutputError(
+            f"{path}: is a {what} of version {content.get('version')}; this program reads version {version}"
+        )
+
+
 def schema_text() -> str:
-    """The JSON Schema of a map file."""
-    return json.dumps(MapFile.model_json_schema(by_alias=True), indent=2, sort_keys=True) + "\n"
+    """The JSON Schema of a map file; descriptions are on one line each."""
+    text = json.dumps(MapFile.model_json_schema(by_alias=True), indent=2, sort_keys=True)
+    return text.replace(r"\n", " ") + "\n"

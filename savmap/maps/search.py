@@ -70,33 +70,40 @@ def find_structures(site: SiteMap, name: str, places: Callable[[], Places] = dic
     parts. Raises SiteError, with the nearest names, if there are none, and for an empty name."""
     if not name.strip():
         raise SiteError("the name to find is empty: give an id, or what is written on a structure")
-    mapped = [(row.name, own) for row in site.rows.values() for group in row.structures.values() for own in group]
+    mapped = _mapped(site)
     hits = _called(mapped, name)
     if not hits:
-        further = [(row, own) for row, plugins in places().items() for group in plugins.values() for own in group]
-        further += [(row, vertex) for row, own in mapped for vertex in _vertices(own)]
+        between = places()
+        further = [(row, place) for row in between for place in _places_of(row, between)]
+        further += [(row, vertex) for row, structure in mapped for vertex in _vertices(structure)]
         hits = _called(further, name) or _described(site, [*mapped, *further], name)
         mapped += further
     if not hits:
-        known = sorted({key for _, structure in mapped for key in names(structure)})
-        near = difflib.get_close_matches(name[:LONGEST_NAME], known, 3)
+        spellings = sorted({key for _, structure in mapped for key in names(structure)})
+        near = difflib.get_close_matches(name[:LONGEST_NAME], spellings, 3)
         more = f"; nearest: {', '.join(near)}" if near else _without_texts(site)
         raise SiteError(f"`{name}` is not in the map{more}")
-    found = [_hit(site, row, structure) for row, structure in hits]
-    named = places() if any(_names_place(hit.structure) for hit in found) else {}
-    return [replace(hit, slot=_slot(site, hit, named)) for hit in found]
+    results = [_hit(site, row, structure) for row, structure in hits]
+    named = places() if any(_names_place(hit.structure) for hit in results) else {}
+    return [replace(hit, slot=_slot(site, hit, named)) for hit in results]
+
+
+def _mapped(site: SiteMap) -> list[InRow]:
+    return [
+        (row.name, structure) for row in site.rows.values() for group in row.structures.values() for structure in group
+    ]
 
 
 def places_within(site: SiteMap, hit: SearchHit, places: Places) -> list[SearchHit]:
     """The places that a place consists of, such as the levels of a bay; none of a structure."""
-    known = _places_of(hit.row, places)
-    if all(own.id != hit.structure.id for own in known):
+    in_row = _places_of(hit.row, places)
+    if all(place.id != hit.structure.id for place in in_row):
         return []
-    return [_hit(site, hit.row, own) for own in known if own.id.startswith(f"{hit.structure.id}{PART}")]
+    return [_hit(site, hit.row, place) for place in in_row if place.id.startswith(f"{hit.structure.id}{PART}")]
 
 
 def _places_of(row: str, places: Places) -> list[Structure]:
-    return [own for group in places.get(row, {}).values() for own in group]
+    return [place for group in places.get(row, {}).values() for place in group]
 
 
 def _names_place(structure: Structure) -> bool:
@@ -107,24 +114,23 @@ def _slot(site: SiteMap, hit: SearchHit, places: Places) -> SearchHit | None:
     """The place that what is written on a structure names: of the bay's levels the lowest that ends above it."""
     if not _names_place(hit.structure):
         return None
-    name = _plain(str(hit.structure.attributes[BAY]))
-    bay = next((own for own in _places_of(hit.row, places) if _plain(own.id) == name), None)
+    name = _folded(str(hit.structure.attributes[BAY]))
+    bay = next((place for place in _places_of(hit.row, places) if _folded(place.id) == name), None)
     if bay is None:
         return None
     x, y, _ = hit.structure.vertices.mean(axis=0)
     levels = places_within(site, _hit(site, hit.row, bay), places)
     if not levels or not bay.vertices[:, 0].min() <= x <= bay.vertices[:, 0].max():
         return _hit(site, hit.row, bay)
-    ends = [level.structure.vertices[:, 1].max() for level in levels]
-    return next((level for level, end in zip(levels, ends, strict=True) if end > y), levels[-1])
+    return next((level for level in levels if level.structure.vertices[:, 1].max() > y), levels[-1])
 
 
 def _without_texts(site: SiteMap) -> str:
     """What a map has instead, where nothing was read in it; nothing where something was."""
-    every = [own for row in site.rows.values() for group in row.structures.values() for own in group]
-    if any(own.attributes.get(key) for own in every for key in WRITTEN):
+    structures = [structure for _, structure in _mapped(site)]
+    if any(structure.attributes.get(key) for structure in structures for key in WRITTEN):
         return ""
-    counted = Counter(own.label for own in every).most_common(MOST_LABELS)
+    counted = Counter(structure.label for structure in structures).most_common(MOST_LABELS)
     has = ", ".join(f"{label} ({count})" for label, count in counted) or "nothing"
     return f": no text was read in it, which takes a plugin that reads them; it has {has}"
 
@@ -133,21 +139,21 @@ def _vertices(structure: Structure) -> Iterator[Structure]:
     """Its vertices, as structures that are called by both: "post 1 / top"."""
     for number, label in enumerate(structure.vertex_labels):
         name = label if label.startswith(structure.id) else f"{structure.id}{PART}{label}"
-        one = slice(number, number + 1)
-        yield Structure(name, label, structure.vertices[one], structure.covariances[one], (label,), NO_EDGES)
+        chosen = slice(number, number + 1)
+        yield Structure(name, label, structure.vertices[chosen], structure.covariances[chosen], (label,), NO_EDGES)
 
 
-def _called(known: Sequence[InRow], name: str) -> list[InRow]:
+def _called(structures: Sequence[InRow], name: str) -> list[InRow]:
     """What has this name."""
-    return [(row, own) for row, own in known if _plain(name) in map(_plain, names(own))]
+    return [(row, structure) for row, structure in structures if _folded(name) in map(_folded, names(structure))]
 
 
-def _plain(text: str) -> str:
+def _folded(text: str) -> str:
     """A text in lower case, with one word for a bay."""
     return OTHER_WORD.sub(BAY, text.lower())
 
 
-def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
+def _described(site: SiteMap, structures: Sequence[InRow], name: str) -> list[InRow]:
     """What fits all parts of a description, of which no other is a larger part."""
     for row in site.rows:
         name = re.sub(rf"\brow\s+{re.escape(row)}\s+(?=\w)", f"row {row}, ", name, flags=re.IGNORECASE)
@@ -156,33 +162,34 @@ def _described(site: SiteMap, known: Sequence[InRow], name: str) -> list[InRow]:
     wanted = {rows[term] for term in terms if term in rows}
     rest = [term for term in terms if term not in rows]
     fits = [
-        (row, own)
-        for row, own in known
-        if rest and (not wanted or row in wanted) and all(_fits(own, term) for term in rest)
+        (row, structure)
+        for row, structure in structures
+        if rest and (not wanted or row in wanted) and all(_fits(structure, term) for term in rest)
     ]
-    largest = min((len(own.id.split(PART)) for _, own in fits), default=0)
-    return [(row, own) for row, own in fits if len(own.id.split(PART)) == largest]
+    largest = min((structure.id.count(PART) for _, structure in fits), default=0)
+    return [(row, structure) for row, structure in fits if structure.id.count(PART) == largest]
 
 
 def _terms(name: str) -> list[str]:
     """The parts of a description in lower case: "Level 3 of section 2" is of "level 3" and "section 2"."""
-    parts = [part.strip() for part in PARTING.split(name.lower()[:LONGEST_NAME])]
-    numbered = [NUMBERED.findall(part) for part in parts]
-    terms = [
-        [f"{word} {int(number)}" for word, number in found] if found and not NUMBERED.sub("", part).strip() else [part]
-        for part, found in zip(parts, numbered, strict=True)
-    ]
-    return [term for own in terms for term in own if term]
+    terms = list[str]()
+    for part in PARTING.split(name.lower()[:LONGEST_NAME]):
+        numbered = NUMBERED.findall(part)
+        if numbered and not NUMBERED.sub("", part).strip():
+            terms += [f"{word} {int(number)}" for word, number in numbered]
+        elif part.strip():
+            terms.append(part.strip())
+    return terms
 
 
 def _fits(structure: Structure, term: str) -> bool:
     """Whether a term is a part of a structure's id, its label, or says one of its attributes: "bay 2", where that is
     text or number."""
-    values = {_plain(key): value for key, value in structure.attributes.items()}
+    values = {_folded(key): value for key, value in structure.attributes.items()}
     texts = [value for value in values.values() if isinstance(value, str)]
-    word, _, number = _plain(term).rpartition(" ")
+    word, _, number = _folded(term).rpartition(" ")
     counted = number.isdecimal() and isinstance(values.get(word), int) and values[word] == int(number)
-    return counted or _plain(term) in map(_plain, (*structure.id.split(PART), structure.label, *texts))
+    return counted or _folded(term) in map(_folded, (*structure.id.split(PART), structure.label, *texts))
 
 
 def names(structure: Structure) -> list[str]:
@@ -192,17 +199,17 @@ def names(structure: Structure) -> list[str]:
 
 
 def _hit(site: SiteMap, row: str, structure: Structure) -> SearchHit:
-    known = _measured(structure)
-    middle = structure.vertices[known].mean(axis=0)
-    sigma: Floats = np.sqrt(np.diagonal(structure.covariances[known].mean(axis=0)))
-    placement, alone = site.placements.get(row), len({*site.rows, *site.failed}) == 1
-    in_world = site.alignment is not None and (placement is not None or alone)
+    measured = _measured(structure)
+    middle = structure.vertices[measured].mean(axis=0)
+    sigma: Floats = np.sqrt(np.diagonal(structure.covariances[measured].mean(axis=0)))
+    placement, only = site.placements.get(row), len({*site.rows, *site.failed}) == 1
+    in_world = site.alignment is not None and (placement is not None or only)
     return SearchHit(
         row,
         structure,
         middle,
         sigma,
-        _part(structure, known),
+        _part(structure, measured),
         None if placement is None else placement.points(middle[None])[0],
         transformed(middle[None], world_from_row(site, row))[0] if in_world else None,
     )
@@ -214,12 +221,12 @@ def _measured(structure: Structure) -> Ints:
     return np.flatnonzero((worst <= GUESSED_M) | (worst <= TIMES_WORSE * worst.min()))
 
 
-def _part(structure: Structure, known: Ints) -> str:
+def _part(structure: Structure, measured: Ints) -> str:
     """What the labels of these vertices say and those of no others do."""
     words = [label.split(PART) for label in structure.vertex_labels]
-    others = {word for number, own in enumerate(words) if number not in known for word in own}
-    shared = set(words[known[0]]).intersection(*(words[number] for number in known)) - others
-    return PART.join(word for word in words[known[0]] if word in shared) if others else ""
+    others = {word for number, label in enumerate(words) if number not in measured for word in label}
+    shared = set(words[measured[0]]).intersection(*(words[number] for number in measured)) - others
+    return PART.join(word for word in words[measured[0]] if word in shared) if others else ""
 
 
 def _metres(point: Floats) -> str:

@@ -10,12 +10,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from savmap.errors import OutputError
 from savmap.files.atomic import read_json, write_text
-from savmap.files.kinds import kind_of
 from savmap.files.urls import where
 from savmap.files.validation import checked
-from savmap.maps.schema import FARTHEST_M
+from savmap.maps.schema import FARTHEST_M, require_format
 from savmap.types import Survey
 
 FORMAT = "savmap-survey"
@@ -57,12 +55,7 @@ def _numbers(rows: dict[str, dict[str, Any]]) -> Iterator[float]:
 def read_survey(path: Path) -> Survey:
     """A survey file. Raises OutputError with one line: file, place, problem."""
     content = read_json(path)
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        kind = kind_of(content)
-        raise OutputError(f'{path}: is {kind and f"{kind}, "}not a survey (it has no "format": "{FORMAT}")')
-    if content.get("version") != VERSION:
-        version = content.get("version")
-        raise OutputError(f"{path}: is a survey of version {version}; this program reads version {VERSION}")
+    require_format(content, str(path), "survey", FORMAT, VERSION)
     return Survey(checked(SurveyFile, content, str(path)).rows)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from savmap import export
-from savmap.maps.assumed import assumed_coordinates
 from savmap.types import FrameTable, JointCovariance, RowMap, SiteMap, Structure, Trajectory
 
 SOLVED, FREE = [0, 1, 2], [0, -1, 2]
@@ -27,13 +26,13 @@ def row() -> RowMap:
 
 def test_assumed_is_what_is_unsure_and_not_solved_for() -> None:
     own = row()
-    found = assumed_coordinates(own, "posts", own.structures["posts"][0])
+    found = own.structures["posts"][0].assumed("posts", own.joint)
     assert np.argwhere(found).tolist() == [[1, 1]]
 
 
 def test_nothing_is_assumed_where_the_map_does_not_tell() -> None:
     own = replace(row(), joint=None)
-    assert not assumed_coordinates(own, "posts", own.structures["posts"][0]).any()
+    assert not own.structures["posts"][0].assumed("posts", own.joint).any()
 
 
 def beam(**said: str) -> RowMap:
@@ -54,7 +53,7 @@ def beam(**said: str) -> RowMap:
 )
 def test_what_its_plugin_says_is_assumed_is_so(said: dict[str, str], heights: list[bool]) -> None:
     own = beam(**said)
-    found = assumed_coordinates(own, "posts", own.structures["posts"][0])
+    found = own.structures["posts"][0].assumed("posts", own.joint)
     assert found[:, 1].tolist() == heights
     assert not found[:, [0, 2]].any()
 

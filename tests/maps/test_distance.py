@@ -95,6 +95,8 @@ def test_an_edge_as_site_files_call_it_is_measured_from() -> None:
         for number in (1, 2)
     )
     site = SiteMap({"A": replace(own, structures={"posts": posts}, joint=None)}, {})
-    assert vertex_distance(site, "post 1 / left", "A: Post 2 / right").apart.tolist() == pytest.approx([3.1, 0.0, 0.0])
+    assert vertex_distance(site, "post 1 / left", "A: Post 2 / right").difference_m.tolist() == pytest.approx(
+        [3.1, 0.0, 0.0]
+    )
     with pytest.raises(SiteError, match="`post 1` is no vertex"):
         vertex_distance(site, "post 1", "post 2 / right")

@@ -10,7 +10,7 @@ from made_up_map import row, site
 from opened_page import IN_BROWSER, Open, until
 
 from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.geodesy import Earth
+from savmap.maps.exports.plans.geojson import Earth
 from savmap.report.viewer import View
 from savmap.types import Alignment, SiteMap
 

@@ -1,78 +1,75 @@
-"""What of two rows, once one lies in the other's frame, is as it was, moved, changed, new, missing or not seen.
+"""What of two rows, once one lies in the other's frame, is as it was, moved, changed, new, missing or not seen; and by
+how much more one map measures than the other.
 
-Each figure of a pair is tested against its own standard deviation with Student's t. Over all figures of all elements of
-both maps, the share of false ones among those that are told is kept under the level (Benjamini and Hochberg 1995).
+Each figure of a pair is tested against its standard deviation with Student's t. Over all figures of all elements of
+both maps, the share of false ones among those that are called changes is kept under the level (Benjamini and Hochberg
+1995).
+
+A scale that all elements of a row have in common says nothing of any one of them, so that the fit takes it out. It does
+say that one of the maps rests on a wrong reference, such as a camera's height that is off by a hand's breadth. It is
+estimated free of any prior; its variance is that of the fit, and what the errors that either map's elements share make
+of it, by that map's joint covariance.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import norm
 from scipy.stats import t as student
 
-from savmap.maps.comparison.elements import Coverage, Elements, measured
-from savmap.maps.comparison.motion import Fit, Pairs
-from savmap.maps.comparison.records import Difference, ElementChange, State
-from savmap.types import Floats, Structure
+from savmap.maps.comparison.elements import Coverage, Elements, measured, sides
+from savmap.maps.comparison.motion import LEAST_SCALE, SCALE, Equations, Fit, Pairs
+from savmap.maps.comparison.records import Difference, ElementChange, ScaleDifference, State
+from savmap.types import Floats, JointCovariance, RowMap, Structure
 
 AXES = ("x", "y", "z")
 LEAST_P = 1e-12
 EQUAL_M = 1e-5
+SCALE_P = 2 * float(norm.sf(3.0))
+"""A scale stands out beyond three standard deviations."""
+LEAST_LEVER_M = 1.0
 
 
 def pairs_compared(
-    old: Elements, new: Elements, pairs: Pairs, found: Fit, sizes_only: bool = False
+    old: Elements, new: Elements, pairs: Pairs, fit: Fit, sizes_only: bool = False
 ) -> Iterator[ElementChange]:
-    """The elements that both maps have, with all that is tested of them; states are given by `judged`."""
-    tests = _tests(found, sizes_only)
-    carried = found.carried(old.middles)
+    """The elements that both maps have, with all that is tested of them; states are given by `with_states`. A figure
+    that all of a kind share says nothing of one of them."""
+    tests: dict[int, list[int]] = {}
+    shared = fit.shared
+    for k, pair in enumerate(fit.equations.pair.tolist()):
+        if fit.equations.size[k] or (not sizes_only and not shared[k]):
+            tests.setdefault(pair, []).append(k)
+    carried = fit.carried(old.middles)
     for number, (i, j) in enumerate(pairs):
         before, after = old.structures[i], new.structures[j]
-        differences = [
-            replace(
-                _difference(found, k, carried[i], old.sizes[i], new.middles[j], new.sizes[j]),
-                edges=_edges(int(found.equations.axis[k]), (old, i), (new, j)),
-            )
-            for k in tests.get(number, [])
-        ]
+        differences = [_difference(fit, k, (old, i), (new, j), carried[i]) for k in tests.get(number, [])]
         if not sizes_only:
             differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j])]
-        p = min((one.p for one in differences), default=1.0)
+        p = min((difference.p for difference in differences), default=1.0)
         plugin, label = new.kinds[new.groups[j]]
         text = new.texts[j] or old.texts[i]
         yield ElementChange(plugin, label, "same", before.id, after.id, text, new.middles[j], tuple(differences), p)
 
 
-def _tests(found: Fit, sizes_only: bool) -> Mapping[int, list[int]]:
-    """The numbers of the equations of each pair; a figure that all of a kind share says nothing of one of them."""
-    tests: dict[int, list[int]] = {}
-    for k, pair in enumerate(found.equations.pair.tolist()):
-        if found.equations.size[k] or (not sizes_only and not found.shared[k]):
-            tests.setdefault(pair, []).append(k)
-    return tests
-
-
-def _difference(found: Fit, k: int, carried: Floats, old_size: Floats, middle: Floats, size: Floats) -> Difference:
-    axis = int(found.equations.axis[k])
-    residual, sigma = float(found.residual[k]), float(found.sigma[k])
-    old, new = (old_size, size) if found.equations.size[k] else (carried, middle)
-    p = 2 * float(student.sf(abs(residual) / sigma, found.freedom[k]))
-    what = f"size {AXES[axis]}" if found.equations.size[k] else AXES[axis]
-    return Difference(what, float(old[axis]), float(new[axis]), max(p, LEAST_P), residual, sigma)
-
-
-def _edges(axis: int, *elements: tuple[Elements, int]) -> tuple[float, ...]:
-    """Where an element's two edges across an axis lie in each map, m."""
-    ends = [(float(of.middles[k, axis]), float(of.sizes[k, axis]) / 2) for of, k in elements]
-    return tuple(end for middle, half in ends for end in (middle - half, middle + half))
+def _difference(fit: Fit, k: int, old: tuple[Elements, int], new: tuple[Elements, int], carried: Floats) -> Difference:
+    """What the equation `k` says of a pair of elements; `carried` (3,): the old middle in the new frame."""
+    axis, size = int(fit.equations.axis[k]), bool(fit.equations.size[k])
+    residual, sigma = float(fit.residual[k]), float(fit.sigma[k])
+    ends = [(float(of.middles[i, axis]), float(of.sizes[i, axis])) for of, i in (old, new)]
+    edges = tuple(end for middle, extent in ends for end in (middle - extent / 2, middle + extent / 2))
+    before, after = (ends[0][1], ends[1][1]) if size else (float(carried[axis]), ends[1][0])
+    p = 2 * float(student.sf(abs(residual) / sigma, fit.freedom[k]))
+    what = f"size {AXES[axis]}" if size else AXES[axis]
+    return Difference(what, before, after, max(p, LEAST_P), residual, sigma, edges=edges)
 
 
 def _text(old: Elements, new: Elements, i: int, j: int) -> Iterator[Difference]:
     """What is written on both. The chance that k letters are misread is taken for that of one to the power of k."""
     before, after = old.texts[i], new.texts[j]
     if before and after:
-        letters = _edits(before, after)
-        p = min(1.0, float(old.misread[i] + new.misread[j])) ** letters
+        p = min(1.0, float(old.misread[i] + new.misread[j])) ** _edits(before, after)
         yield Difference("text", before, after, max(p, LEAST_P))
 
 
@@ -88,10 +85,10 @@ def _edits(a: str, b: str) -> int:
 
 def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[Difference]:
     """Figures in metres with a standard deviation that are no side of the element, whose sides are tested as such."""
-    known = measured(before)
+    earlier = measured(before)
     for name, (value, sigma) in measured(after).items():
-        if name in known and not (np.abs(size - value) < 1e-3).any():
-            old, old_sigma = known[name]
+        if name in earlier and not (np.abs(size - value) < 1e-3).any():
+            old, old_sigma = earlier[name]
             both = float(np.hypot(sigma, old_sigma))
             p = 2 * float(student.sf(abs(value - old) / both, np.inf))
             yield Difference(name, old, value, max(p, LEAST_P), value - old, both)
@@ -100,37 +97,36 @@ def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[D
 def unpaired(
     elements: Elements, paired: Iterable[int], placed: Floats, shown: Floats, cover: Coverage, state: State
 ) -> Iterator[ElementChange]:
-    """The elements of one map that have no partner: `state` where the other map's plugin would have found them.
+    """The elements of one map that have no partner: `state` where the other map's plugin would have seen them.
     `placed` (n, 3): their middles in the other map's frame; `shown` (n, 3): in the new map's."""
-    known = set(paired)
-    for k, structure in enumerate(elements.structures):
-        if k in known:
-            continue
-        plugin, label = elements.kinds[elements.groups[k]]
+    for k in sorted(set(range(len(elements))) - set(paired)):
+        structure, (plugin, label) = elements.structures[k], elements.kinds[elements.groups[k]]
         seen = cover.has(plugin, float(placed[k, 0]), float(elements.sizes[k, 0]))
         old_id, new_id = (None, structure.id) if state == "new" else (structure.id, None)
-        told: State = state if seen else "not seen"
-        yield ElementChange(plugin, label, told, old_id, new_id, elements.texts[k], shown[k])
+        shown_state: State = state if seen else "not seen"
+        yield ElementChange(plugin, label, shown_state, old_id, new_id, elements.texts[k], shown[k])
 
 
-def judged(rows: Sequence[Sequence[ElementChange]], level: float) -> list[tuple[ElementChange, ...]]:
-    """The elements of each row with their states; the figures of all of them are one family of tests."""
+def with_states(rows: Sequence[Sequence[ElementChange]], level: float) -> list[tuple[ElementChange, ...]]:
+    """The elements of each row with their states; the figures of all of them are one family of tests. Figures of a
+    row's elements that end at the same edges in both maps are one."""
     chances: dict[tuple[object, ...], float] = {}
     for number, row in enumerate(rows):
         for k, change in enumerate(row):
-            for one in change.differences:
-                test = _test(number, k, one)
-                chances[test] = min(one.p, chances.get(test, 1.0))
+            for figure in change.differences:
+                test: tuple[object, ...] = number, k, figure.what
+                if figure.edges:
+                    test = number, figure.what, *(round(edge / EQUAL_M) for edge in figure.edges)
+                chances[test] = min(figure.p, chances.get(test, 1.0))
     limit = accepted(list(chances.values()), level)
-    return [tuple(_judged(change, limit) for change in row) for row in rows]
+    return [tuple(_with_state(change, limit) for change in row) for row in rows]
 
 
-def _test(row: int, element: int, figure: Difference) -> tuple[object, ...]:
-    """What tells a test from the others: figures of a row's elements that end at the same edges in both maps are
-    one."""
-    if not figure.edges:
-        return row, element, figure.what
-    return row, figure.what, *(round(one / EQUAL_M) for one in figure.edges)
+def _with_state(change: ElementChange, limit: float) -> ElementChange:
+    marked = tuple(replace(difference, significant=difference.p <= limit) for difference in change.differences)
+    significant = [difference.what for difference in marked if difference.significant]
+    state: State = "changed" if significant else change.state
+    return replace(change, differences=marked, state="moved" if set(significant) & set(AXES) else state)
 
 
 def accepted(chances: Sequence[float], level: float) -> float:
@@ -140,8 +136,81 @@ def accepted(chances: Sequence[float], level: float) -> float:
     return float(ordered[below][-1]) if below.any() else -1.0
 
 
-def _judged(change: ElementChange, limit: float) -> ElementChange:
-    marked = tuple(replace(one, significant=one.p <= limit) for one in change.differences)
-    told = [one.what for one in marked if one.significant]
-    moved = any(what in AXES for what in told)
-    return replace(change, differences=marked, state="moved" if moved else "changed" if told else change.state)
+def scale_differences(
+    fit: Fit, pairs: Pairs, old: tuple[Elements, RowMap], new: tuple[Elements, RowMap]
+) -> tuple[ScaleDifference, ...]:
+    """The scales along x and y of a fit without a prior of them; none along an axis on which nothing is far enough away
+    to tell. Whether they are significant is said by `with_significance`."""
+    rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    freedom = float(fit.freedom.min())
+    scales = []
+    for axis, name in ((0, "x"), (1, "y")):
+        before = _map_sigma(fit, axis, *old, rows.tolist(), fit.turned)
+        after = _map_sigma(fit, axis, *new, columns.tolist(), False)
+        if before is None or after is None:
+            continue
+        variance = float(fit.covariance[SCALE, SCALE][axis, axis]) + LEAST_SCALE**2
+        share, sigma = float(fit.unknowns[SCALE][axis]), float(np.sqrt(variance + before**2 + after**2))
+        p = 2 * float(student.sf(abs(share) / sigma, freedom))
+        scales.append(ScaleDifference(name, share, sigma, before, after, max(p, LEAST_P)))
+    return tuple(scales)
+
+
+def _map_sigma(
+    fit: Fit, axis: int, elements: Elements, row: RowMap, chosen: Sequence[int], turned: bool
+) -> float | None:
+    """The standard deviation of a map's scale along an axis, by the fit's equations; None where nothing tells."""
+    equations = fit.equations
+    lever = np.abs(equations.slopes[:, SCALE][:, axis])
+    far = (equations.axis == axis) & ~equations.size & (lever > LEAST_LEVER_M)
+    if not far.any():
+        return None
+    if row.joint is not None:
+        return _joint_sigma(equations, fit.gain[SCALE][axis], elements, row.joint, chosen, turned)
+    rates = elements.middle_sigmas[np.asarray(chosen)[equations.pair[far]], axis] / lever[far]
+    return float(np.median(rates))
+
+
+def _joint_sigma(
+    equations: Equations, gain: Floats, elements: Elements, joint: JointCovariance, chosen: Sequence[int], turned: bool
+) -> float:
+    """What the errors of a map's vertices, and what they share, make of a figure that is `gain` (m,) times the
+    differences."""
+    solved, independent = np.zeros(len(joint.covariance)), 0.0
+    for pair, k in enumerate(chosen):
+        structure = elements.structures[k]
+        weights = _vertex_weights(equations, gain, pair, structure, turned)
+        numbers = joint.coordinates.get(elements.kinds[elements.groups[k]][0], {}).get(structure.id)
+        of_joint = np.zeros(weights.shape, dtype=np.bool_) if numbers is None else numbers >= 0
+        if numbers is not None:
+            np.add.at(solved, numbers[of_joint], weights[of_joint])
+        spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
+        independent += float(np.sum((weights**2 * spread)[~of_joint]))
+    return float(np.sqrt(max(float(solved @ joint.covariance @ solved), 0.0) + independent))
+
+
+def _vertex_weights(equations: Equations, gain: Floats, pair: int, structure: Structure, turned: bool) -> Floats:
+    """How much (n, 3) each coordinate of a structure's vertices counts in the figure."""
+    weights = np.zeros(structure.vertices.shape)
+    low, high = sides(structure.vertices)
+    for k in np.flatnonzero(equations.pair == pair):
+        axis, share = int(equations.axis[k]), float(gain[k]) / len(low)
+        if equations.size[k]:
+            ends = -share, share
+        else:
+            ends = (-share / 2, -share / 2) if turned and axis != 1 else (share / 2, share / 2)
+        np.add.at(weights[:, axis], low[:, axis], ends[0])
+        np.add.at(weights[:, axis], high[:, axis], ends[1])
+    return weights
+
+
+def stands_out(scales: Sequence[ScaleDifference]) -> bool:
+    """Whether any of these scales, by itself, is beyond what both maps know."""
+    return any(scale.p <= SCALE_P for scale in scales)
+
+
+def with_significance(rows: Sequence[Sequence[ScaleDifference]], level: float) -> list[tuple[ScaleDifference, ...]]:
+    """The scales of each row with what is significant of them: beyond three standard deviations, and, of all rows'
+    scales together, with no more than a share of `level` that is chance."""
+    limit = min(accepted([scale.p for row in rows for scale in row], level), SCALE_P)
+    return [tuple(replace(scale, significant=scale.p <= limit) for scale in row) for row in rows]

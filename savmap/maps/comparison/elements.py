@@ -39,26 +39,27 @@ class Elements:
 
 def elements_of(structures: Mapping[str, Sequence[Structure]], kinds: Sequence[tuple[str, str]]) -> Elements:
     """Structures by plugin as elements of these kinds, in the order along x."""
-    named = [(plugin, one) for plugin, group in structures.items() for one in group if len(one.vertices)]
+    named = [(plugin, structure) for plugin, group in structures.items() for structure in group]
+    named = [(plugin, structure) for plugin, structure in named if len(structure.vertices)]
     named.sort(key=lambda item: float(item[1].vertices[:, 0].mean()))
-    boxes = [_box(one) for _, one in named]
-    columns = [np.array([box[k] for box in boxes]).reshape(-1, 3) for k in range(4)]
+    boxes = [_box(structure) for _, structure in named]
+    middles, middle_sigmas, sizes, size_sigmas = (np.array([box[k] for box in boxes]).reshape(-1, 3) for k in range(4))
     return Elements(
-        tuple(one for _, one in named),
+        tuple(structure for _, structure in named),
         tuple(kinds),
-        np.array([kinds.index((plugin, one.label)) for plugin, one in named], dtype=np.int64),
-        columns[0],
-        columns[1],
-        columns[2],
-        columns[3],
-        tuple(_text(one) for _, one in named),
-        np.array([_misread(one) for _, one in named], dtype=np.float64),
+        np.array([kinds.index((plugin, structure.label)) for plugin, structure in named], dtype=np.int64),
+        middles,
+        middle_sigmas,
+        sizes,
+        size_sigmas,
+        tuple(_text(structure) for _, structure in named),
+        np.array([_misread(structure) for _, structure in named], dtype=np.float64),
     )
 
 
 def kinds_of(*rows: Mapping[str, Sequence[Structure]]) -> list[tuple[str, str]]:
     """The kinds (plugin, label) of structures by plugin."""
-    return sorted({(plugin, one.label) for row in rows for plugin, group in row.items() for one in group})
+    return sorted({(plugin, structure.label) for row in rows for plugin, group in row.items() for structure in group})
 
 
 def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
@@ -66,14 +67,15 @@ def _box(structure: Structure) -> tuple[Floats, Floats, Floats, Floats]:
     vertices on either side. Errors of the two sides are taken for equal where the middle is concerned, and for
     independent where the size is."""
     spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
-    low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in sides(structure.vertices))
-    of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in sides(structure.vertices))
+    ends = sides(structure.vertices)
+    low, high = (np.take_along_axis(structure.vertices, side, 0).mean(axis=0) for side in ends)
+    of_low, of_high = (np.take_along_axis(spread, side, 0).mean(axis=0) for side in ends)
     sigma = (np.sqrt(of_low) + np.sqrt(of_high)) / 2
     size_sigma = np.sqrt(of_low + of_high)
     size = high - low
-    for value, known in measured(structure).values():
+    for value, given_sigma in measured(structure).values():
         same = np.abs(size - value) < SAME_SIZE_M
-        size_sigma = np.where(same & (size > SAME_SIZE_M), known, size_sigma)
+        size_sigma = np.where(same & (size > SAME_SIZE_M), given_sigma, size_sigma)
     return (low + high) / 2, sigma, size, size_sigma
 
 
@@ -88,14 +90,14 @@ def sides(vertices: Floats) -> tuple[Ints, Ints]:
 def measured(structure: Structure) -> dict[str, tuple[float, float]]:
     """The attributes in metres that have a standard deviation, such as `width_m` beside `width_sigma_m`: value and
     sigma by name."""
-    found = {}
+    figures = {}
     for name, value in structure.attributes.items():
         if not name.endswith("_m") or isinstance(value, str) or name.endswith("_sigma_m"):
             continue
         sigma = value.sigma if isinstance(value, Measured) else structure.attributes.get(f"{name[:-2]}_sigma_m")
         if isinstance(sigma, int | float) and sigma > 0:
-            found[name] = (float(value), float(sigma))
-    return found
+            figures[name] = (float(value), float(sigma))
+    return figures
 
 
 def _text(structure: Structure) -> str:

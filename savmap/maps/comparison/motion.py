@@ -7,8 +7,8 @@ element's own error. Its scatter among all elements of a kind, most of which hav
 holds covariances of single vertices, which do not tell how much of an error is common.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import product
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from savmap.maps.comparison.elements import Elements
 from savmap.types import Bools, Floats, Ints, array_record
 
 Pairs = tuple[tuple[int, int], ...]
-Part = tuple[Ints, int, bool, Floats, Floats, Floats, Ints, Floats, Ints]
 ROUNDS = 12
 TUKEY = 6.0
 LEAST_SIGMA_M = 0.001
@@ -32,7 +31,7 @@ measured."""
 MAD = 1.4826
 PEERS, EXCESS = 7, 2.0
 SAME_M, SHARED_PART = 3e-5, 1 / 3
-"""Differences that are the same, and the part of a kind that has the same one where it is no element's own."""
+"""Differences that are the same, and the part of a kind that has the same one where it is not of each by itself."""
 PRIOR_SHARE, PRIOR_COUNT, MOST_PRIOR = 0.5, 10.0, 2.0
 INSIDE, FITTED = 3.0, 2.0
 T, HEADING, SCALE = slice(0, 3), 3, slice(4, 6)
@@ -55,13 +54,23 @@ class Equations:
     place: Floats
     family: Ints
 
+    @property
+    def kinds(self) -> list[Ints]:
+        """The numbers of the equations of each kind."""
+        return [np.flatnonzero(self.kind == kind) for kind in np.unique(self.kind)]
+
+    def where(self, chosen: Bools) -> "Equations":
+        """Those of the equations (m,) that are chosen."""
+        return Equations(*(getattr(self, figure.name)[chosen] for figure in fields(self)))
+
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class Fit:
     """The solved equations: unknowns (k,) with covariance (k, k), the point (3,) m about which the row is turned and
     scaled, `turned` by half a turn or not, and for each equation the residual (m,) m, its standard deviation (m,) and
-    the number (m,) of scattered ones that tell it. `gain` (k, m): how much each difference counts in each unknown."""
+    the number (m,) of scattered ones that it rests upon. `gain` (k, m): how much each difference counts in each
+    unknown."""
 
     equations: Equations
     unknowns: Floats
@@ -78,8 +87,7 @@ class Fit:
         """Which equations (m,) say no more than that of many other elements of their kind, such as an assumed
         setback."""
         common = np.zeros(len(self.freedom), dtype=np.bool_)
-        for kind in np.unique(self.equations.kind):
-            chosen = np.flatnonzero(self.equations.kind == kind)
+        for chosen in self.equations.kinds:
             if len(chosen) > FEW and len(_independent(self.equations, chosen)) < FEW:
                 values = np.round(self.equations.difference[chosen] / SAME_M)
                 _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
@@ -117,7 +125,7 @@ def fit(
     rows, columns = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     placed = half_turn(old.middles[rows], turned)
     about = np.median(placed, axis=0) * np.array([1.0, 0.0, 1.0])
-    equations = _equations(old, new, rows, columns, placed - about, placed)
+    equations = _equations(old, new, rows, columns, placed, about)
     prior = _prior(equations, len(old.kinds))
     if free_scale:
         prior[SCALE] = 1 / FREE_SCALE**2
@@ -129,8 +137,10 @@ def fit(
     residual: Floats = equations.difference - _medians(equations, equations.difference)
     for number in range(rounds):
         normal = residual / np.sqrt(scatter**2 + extra)
-        # the first rounds weigh as medians do, so that what changed has no say
-        weight = (_early(normal) if number < rounds // 2 else _late(normal)) / (scatter**2 + extra)
+        # the first rounds weigh as medians do, so that what changed has no say; the others by Tukey's weights
+        early = number < rounds // 2
+        robust = 1 / np.maximum(np.abs(normal), 1.0) if early else np.maximum(1 - (normal / TUKEY) ** 2, 0.0) ** 2
+        weight = robust / (scatter**2 + extra)
         information = equations.slopes.T @ (weight[:, None] * equations.slopes) + np.diag(prior)
         covariance = np.asarray(np.linalg.inv(information), np.float64)
         gain = covariance @ (equations.slopes.T * weight)
@@ -142,94 +152,44 @@ def fit(
     return Fit(equations, unknowns, covariance, about, turned, residual, sigma, freedom, gain)
 
 
-def _early(normal: Floats) -> Floats:
-    weights: Floats = 1 / np.maximum(np.abs(normal), 1.0)
-    return weights
-
-
-def _late(normal: Floats) -> Floats:
-    """Tukey's weights."""
-    weights: Floats = np.maximum(1 - (normal / TUKEY) ** 2, 0.0) ** 2
-    return weights
-
-
-def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, lever: Floats, placed: Floats) -> Equations:
-    parts: list[Part] = []
-    groups = old.groups[rows]
+def _equations(old: Elements, new: Elements, rows: Ints, columns: Ints, placed: Floats, about: Floats) -> Equations:
+    """The equations of figures that were measured: what has no extent at all in one of the maps was not, nor what a
+    scale's error cannot make as uncertain as it is."""
+    count, groups, lever = len(rows), old.groups[rows], placed - about
     plugins = sorted({plugin for plugin, _ in old.kinds})
-    family = np.array([6 * plugins.index(plugin) for plugin, _ in old.kinds])
-    count, kinds = len(rows), len(old.kinds)
-    for axis in range(3):
-        slopes = np.zeros((count, 6 + 6 * kinds))
-        slopes[:, axis] = 1.0
-        if axis == 0:
-            slopes[:, HEADING], slopes[:, 4] = lever[:, 2], lever[:, 0]
-        if axis == 1:
-            slopes[:, 5] = lever[:, 1]
-        if axis == 2:
-            slopes[:, HEADING] = -lever[:, 0]
-        slopes[np.arange(count), 6 + 6 * groups + axis] = 1.0
-        sigma = np.hypot(old.middle_sigmas[rows, axis], new.middle_sigmas[columns, axis])
-        difference = new.middles[columns, axis] - placed[:, axis]
-        parts.append(
-            (
-                np.arange(count),
-                axis,
-                False,
-                difference,
-                slopes,
-                sigma,
-                6 * groups + axis,
-                placed[:, axis],
-                family[groups] + axis,
-            )
-        )
-        sizes = old.sizes[rows, axis], new.sizes[columns, axis]
-        # what has no extent at all in one of the maps was not measured there
-        some = np.flatnonzero((np.maximum(*sizes) > LEAST_SIZE_M) & (np.minimum(*sizes) > 0))
-        slopes = np.zeros((len(some), 6 + 6 * kinds))
+    family = np.array([6 * plugins.index(plugin) for plugin, _ in old.kinds])[groups]
+    parts: list[Equations] = []
+    for axis, size in product(range(3), (False, True)):
+        slopes = np.zeros((count, 6 + 6 * len(old.kinds)))
+        kind = 6 * groups + 3 * size + axis
+        slopes[np.arange(count), 6 + kind] = 1.0
+        if size:
+            before, after = old.sizes[rows, axis], new.sizes[columns, axis]
+            sigma = np.hypot(old.size_sigmas[rows, axis], new.size_sigmas[columns, axis])
+            measured = (np.maximum(before, after) > LEAST_SIZE_M) & (np.minimum(before, after) > 0)
+        else:
+            before, after = placed[:, axis], new.middles[columns, axis]
+            sigma = np.hypot(old.middle_sigmas[rows, axis], new.middle_sigmas[columns, axis])
+            measured = np.ones(count, dtype=np.bool_)
+            slopes[:, axis] = 1.0
+            if axis != 1:
+                slopes[:, HEADING] = lever[:, 2] if axis == 0 else -lever[:, 0]
         if axis < 2:
-            slopes[:, 4 + axis] = sizes[0][some]
-        slopes[np.arange(len(some)), 6 + 6 * groups[some] + 3 + axis] = 1.0
-        sigma = np.hypot(old.size_sigmas[rows, axis], new.size_sigmas[columns, axis])[some]
-        kind = 6 * groups[some] + 3 + axis
-        parts.append(
-            (
-                some,
-                axis,
-                True,
-                (sizes[1] - sizes[0])[some],
-                slopes,
-                sigma,
-                kind,
-                placed[some, axis],
-                family[groups[some]] + 3 + axis,
-            )
+            slopes[:, 4 + axis] = before if size else lever[:, axis]
+        part = Equations(
+            np.arange(count),
+            np.full(count, axis),
+            np.full(count, size),
+            after - before,
+            slopes,
+            np.maximum(sigma, LEAST_SIGMA_M),
+            kind,
+            placed[:, axis],
+            family + 3 * size + axis,
         )
-    return _measured(_joined(parts))
-
-
-def _measured(equations: Equations) -> Equations:
-    """Those of figures that were measured, which a scale's error alone cannot make as uncertain as they are."""
-    lever = np.abs(equations.slopes[:, SCALE]).sum(axis=1)
-    kept = equations.sigma < MEASURED_M + MEASURED_SHARE * lever
-    return Equations(*(getattr(equations, one.name)[kept] for one in fields(Equations)))
-
-
-def _joined(parts: Sequence[Part]) -> Equations:
-    pair, axis, size, difference, slopes, sigma, kind, place, family = zip(*parts, strict=True)
-    lengths = [len(one) for one in pair]
-    return Equations(
-        np.concatenate(pair),
-        np.repeat(np.array(axis), lengths),
-        np.repeat(np.array(size), lengths),
-        np.concatenate(difference),
-        np.concatenate(slopes),
-        np.maximum(np.concatenate(sigma), LEAST_SIGMA_M),
-        np.concatenate(kind),
-        np.concatenate(place),
-        np.concatenate(family),
-    )
+        scaled = np.abs(slopes[:, SCALE]).sum(axis=1)
+        parts.append(part.where(measured & (part.sigma < MEASURED_M + MEASURED_SHARE * scaled)))
+    return Equations(*(np.concatenate([getattr(part, figure.name) for part in parts]) for figure in fields(Equations)))
 
 
 def _prior(equations: Equations, kinds: int) -> Floats:
@@ -239,12 +199,12 @@ def _prior(equations: Equations, kinds: int) -> Floats:
     sigmas[T], sigmas[HEADING] = FREE_M, FREE_RAD
     for axis in (0, 1):
         chosen = (equations.axis == axis) & ~equations.size
-        far = np.abs(equations.slopes[chosen, 4 + axis])
-        known = far > 1.0
-        rates = equations.sigma[chosen][known] / far[known]
-        sigmas[4 + axis] = max(LEAST_SCALE, float(np.median(rates))) if known.any() else LEAST_SCALE
-    for kind in np.unique(equations.kind):
-        sigmas[6 + kind] = np.median(equations.sigma[equations.kind == kind])
+        lever = np.abs(equations.slopes[chosen, 4 + axis])
+        far = lever > 1.0
+        rates = equations.sigma[chosen][far] / lever[far]
+        sigmas[4 + axis] = max(LEAST_SCALE, float(np.median(rates))) if far.any() else LEAST_SCALE
+    for chosen in equations.kinds:
+        sigmas[6 + equations.kind[chosen[0]]] = np.median(equations.sigma[chosen])
     information: Floats = 1 / sigmas**2
     return information
 
@@ -252,38 +212,35 @@ def _prior(equations: Equations, kinds: int) -> Floats:
 def _medians(equations: Equations, values: Floats) -> Floats:
     """The median (m,) of values (m,) over each kind."""
     medians = np.zeros(len(values))
-    for kind in np.unique(equations.kind):
-        chosen = equations.kind == kind
+    for chosen in equations.kinds:
         medians[chosen] = np.median(values[chosen])
     return medians
 
 
 def _excess(equations: Equations) -> Floats:
-    """The variance (m,) that an element's own sigma has beyond twice that of its likes nearest along the axis: it was
-    seen worse."""
+    """The variance (m,) of an element's sigma beyond twice that of the nearest of its kind along the axis: it was seen
+    worse."""
     extra = np.zeros(len(equations.sigma))
     variance = equations.sigma**2
-    for kind in np.unique(equations.kind):
-        chosen = np.flatnonzero(equations.kind == kind)
-        if len(chosen) <= FEW:
-            continue
-        apart = np.abs(equations.place[chosen, None] - equations.place[None, chosen])
-        near = np.argsort(apart, axis=1, kind="stable")[:, : PEERS + 1]
-        usual = np.median(variance[chosen][near], axis=1)
-        extra[chosen] = np.maximum(variance[chosen] - EXCESS * usual, 0.0)
+    for chosen in equations.kinds:
+        if len(chosen) > FEW:
+            distance = np.abs(equations.place[chosen, None] - equations.place[None, chosen])
+            near = np.argsort(distance, axis=1, kind="stable")[:, : PEERS + 1]
+            usual = np.median(variance[chosen][near], axis=1)
+            extra[chosen] = np.maximum(variance[chosen] - EXCESS * usual, 0.0)
     return extra
 
 
 def _scatter(equations: Equations, residual: Floats) -> tuple[Floats, Floats]:
-    """The standard deviation (m,) of each equation's own error, and the number (m,) of independent residuals that it
-    rests upon.
+    """The standard deviation (m,) of each equation's error, and the number (m,) of independent residuals that it rests
+    upon.
 
     It is the scatter of the residuals of its kind, steadied by what share of the maps' sigma the scatter of its family
     is, as much as `PRIOR_COUNT` residuals do (moderated t-test, Smyth 2004). Of few residuals, or where all of a kind
     are one, it is the maps'.
     """
     scatter, freedom = np.zeros(len(residual)), np.full(len(residual), np.inf)
-    kinds = [np.flatnonzero(equations.kind == kind) for kind in np.unique(equations.kind)]
+    kinds = equations.kinds
     usual = [float(np.median(equations.sigma[chosen])) for chosen in kinds]
     spreads = [_spread(residual[chosen][_independent(equations, chosen)]) for chosen in kinds]
     families = [int(equations.family[chosen[0]]) for chosen in kinds]
@@ -292,9 +249,9 @@ def _scatter(equations: Equations, residual: Floats) -> tuple[Floats, Floats]:
             scatter[chosen] = sigma
             continue
         shares = [
-            others[0] / one
-            for others, one, of in zip(spreads, usual, families, strict=True)
-            if of == family and others[1] > 0
+            other / of_maps
+            for (other, others), of_maps, name in zip(spreads, usual, families, strict=True)
+            if name == family and others > 0
         ]
         prior = min(float(np.median(shares)) * sigma, MOST_PRIOR * spread)
         steady = np.sqrt((count * spread**2 + PRIOR_COUNT * prior**2) / (count + PRIOR_COUNT))
@@ -310,8 +267,7 @@ def _independent(equations: Equations, chosen: Ints) -> Ints:
 
 
 def _spread(residual: Floats) -> tuple[float, float]:
-    """The standard deviation of residuals (n,) of which most are chance, and the number of degrees of freedom that tell
-    it; 0 of few."""
+    """The standard deviation of residuals (n,) of which most are chance, and its degrees of freedom; 0 of few."""
     if len(residual) < FEW:
         return LEAST_SIGMA_M, 0.0
     spread = max(MAD * float(np.median(np.abs(residual))), LEAST_SIGMA_M)

@@ -19,10 +19,10 @@ class Difference:
 
     `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or
     texts; an old place stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what
-    all likes have in common; `sigma_m` is its standard deviation, and `p` the chance of at least as much where nothing
-    changed. Texts have neither difference nor sigma. `edges`: along its axis, where the two edges that make a place or
-    a size lie in the old map and in the new one, m, each in its own frame; figures of which these are equal are one
-    measurement.
+    all elements of a kind have in common; `sigma_m` is its standard deviation, and `p` the chance of at least as much
+    where nothing changed. Texts have neither difference nor sigma. `edges`: along its axis, where the two edges that
+    make a place or a size lie in the old map and in the new one, m, each in its own frame; figures of which these are
+    equal are one measurement.
     """
 
     what: str
@@ -64,7 +64,7 @@ class ElementChange:
     @property
     def significant(self) -> tuple[Difference, ...]:
         """What of it differs by more than chance, the least likely first."""
-        return tuple(sorted((one for one in self.differences if one.significant), key=lambda one: one.p))
+        return tuple(sorted((figure for figure in self.differences if figure.significant), key=lambda figure: figure.p))
 
 
 @dataclass(frozen=True)
@@ -148,12 +148,12 @@ class RowComparison:
     @property
     def scale_differs(self) -> bool:
         """Whether one map measures more than the other, beyond what the references of both allow."""
-        return any(one.significant for one in self.scales)
+        return any(scale.significant for scale in self.scales)
 
     @property
     def changes(self) -> tuple[ElementChange, ...]:
         """Elements, then openings, that are not as they were."""
-        return tuple(one for one in (*self.elements, *self.openings) if one.state in CHANGES)
+        return tuple(change for change in (*self.elements, *self.openings) if change.state in CHANGES)
 
 
 @dataclass(frozen=True, eq=False)

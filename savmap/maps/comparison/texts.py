@@ -48,9 +48,9 @@ def _row(row: RowComparison) -> dict[str, Any]:
         "old": row.old,
         "new": row.new,
         "new_from_old": _motion(row.motion) if row.motion else None,
-        "scales": [_scale(one) for one in row.scales],
-        "elements": [_element(one) for one in row.elements],
-        "openings": [_element(one) for one in row.openings],
+        "scales": list(map(_scale, row.scales)),
+        "elements": list(map(_element, row.elements)),
+        "openings": list(map(_element, row.openings)),
     }
 
 
@@ -63,7 +63,7 @@ def _motion(motion: RowMotion) -> dict[str, Any]:
         "scale": _rounded(motion.scale, 7),
         "middle_m": _rounded(motion.middle_m),
         "pairs": motion.pairs,
-        "alternatives_m": [round(one, 3) for one in motion.alternatives_m],
+        "alternatives_m": [round(shift, 3) for shift in motion.alternatives_m],
     }
 
 
@@ -88,7 +88,7 @@ def _element(change: ElementChange) -> dict[str, Any]:
         "text": change.text,
         "position_m": _rounded(change.position_m),
         "p": _digits(change.p) if change.differences else None,
-        "differences": [_difference(one) for one in change.differences],
+        "differences": list(map(_difference, change.differences)),
     }
 
 
@@ -137,7 +137,7 @@ def motion_text(motion: RowMotion | None) -> str:
 
 def ambiguity_text(motion: RowMotion) -> str:
     """What else the row may be."""
-    others = ", ".join(f"{one:+.2f} m" for one in motion.alternatives_m)
+    others = ", ".join(f"{shift:+.2f} m" for shift in motion.alternatives_m)
     return f"ambiguous: shifted by {others} it fits as well, and nothing in the row tells which is right"
 
 
@@ -153,10 +153,10 @@ def remarks(row: RowComparison) -> tuple[str, ...]:
     if row.motion is None:
         return ("check that both maps are of the same place, and the same face of it",)
     said = [ambiguity_text(row.motion)] if row.motion.ambiguous else []
-    both = sum(bool(one.old_id and one.new_id) for one in row.elements)
-    alone = sum(one.state in ("missing", "new") for one in row.elements)
-    if both < alone:
-        said.append(f"only {both} of {both + alone} elements are in both maps: check that it is the same place")
+    both = sum(bool(change.old_id and change.new_id) for change in row.elements)
+    single = sum(change.state in ("missing", "new") for change in row.elements)
+    if both < single:
+        said.append(f"only {both} of {both + single} elements are in both maps: check that it is the same place")
     if row.scale_differs:
         said.append(
             "the maps differ in scale by more than their references allow: check camera heights and lengths of both"
@@ -168,8 +168,8 @@ def scale_text(row: RowComparison) -> str:
     """By how much more the new map measures along each axis, with standard deviations of what both maps' references
     allow; empty where nothing tells."""
     axes = ", ".join(
-        f"{one.axis} {100 * one.share:+.2f} % (+- {100 * one.sigma:.2f} %, {one.sigmas:.1f} sigma)"
-        for one in row.scales
+        f"{scale.axis} {100 * scale.share:+.2f} % (+- {100 * scale.sigma:.2f} %, {scale.sigmas:.1f} sigma)"
+        for scale in row.scales
     )
     return axes and f"scale of the new map against the old one's: {axes}"
 
@@ -185,15 +185,15 @@ def unsaid_text(comparison: Comparison) -> str:
 
 def counts_text(row: RowComparison) -> str:
     """How many elements are in which state."""
-    counts = Counter(one.state for one in row.elements)
-    sizes = Counter(one.state for one in row.openings)
+    counts = Counter(change.state for change in row.elements)
+    sizes = Counter(change.state for change in row.openings)
     text = ", ".join(f"{count} {state}" for state, count in sorted(counts.items())) or "no elements"
     return text + (f"; openings: {', '.join(f'{n} {state}' for state, n in sorted(sizes.items()))}" if sizes else "")
 
 
 def _table(changes: Sequence[ElementChange]) -> Iterator[str]:
     """A line for each change, in columns."""
-    cells = [(one.state, change_name(one), change_text(one)) for one in changes]
+    cells = [(change.state, change_name(change), change_text(change)) for change in changes]
     widths = [max((len(line[column]) for line in cells), default=0) for column in (0, 1)]
     yield from (f"  {state:{widths[0]}}  {name:{widths[1]}}  {what}".rstrip() for state, name, what in cells)
 
@@ -209,7 +209,7 @@ def change_text(change: ElementChange) -> str:
     if change.state in CHANGES and not change.differences:
         x, y, _ = change.position_m.tolist()
         return f"at x {x:.2f} m, y {y:.2f} m"
-    return "; ".join(difference_text(one) for one in change.significant)
+    return "; ".join(difference_text(difference) for difference in change.significant)
 
 
 def difference_text(difference: Difference) -> str:

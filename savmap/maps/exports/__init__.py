@@ -4,7 +4,7 @@ A format is a function `(SiteMap, Path)` in a module of this package, named in `
 alone needs are imported by its function, and are extras.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from pathlib import Path
 
@@ -15,14 +15,14 @@ from savmap.types import SiteMap
 Exporter = Callable[[SiteMap, Path], None]
 
 FORMATS = {
-    "csv": "plain:write_csv",
-    "ply": "plain:write_ply",
-    "tum": "trajectories.text:write_tum",
-    "colmap": "trajectories.text:write_colmap",
-    "nerfstudio": "trajectories.text:write_nerfstudio",
-    "mcap": "trajectories.foxglove:write_mcap",
-    "rosbag2": "trajectories.ros:write_rosbag2",
-    "rrd": "trajectories.rerun:write_rerun",
+    "csv": "vertices:write_csv",
+    "ply": "vertices:write_ply",
+    "tum": "trajectories:write_tum",
+    "colmap": "trajectories:write_colmap",
+    "nerfstudio": "trajectories:write_nerfstudio",
+    "mcap": "recordings:write_mcap",
+    "rosbag2": "recordings:write_rosbag2",
+    "rrd": "recordings:write_rerun",
     "glb": "models.glb:write_glb",
     "usda": "models.usd:write_usda",
     "usdc": "models.usd:write_usdc",
@@ -30,8 +30,8 @@ FORMATS = {
     "ifc4x3": "models.ifc:write_ifc4x3",
     "dxf": "models.dxf:write_dxf",
     "nav2": "plans.nav2:write_nav2",
-    "lif": "plans.lif:write_lif",
-    "vda5050-zones": "plans.vda5050:write_zone_set",
+    "lif": "plans.fleets:write_lif",
+    "vda5050-zones": "plans.fleets:write_zone_set",
     "open-rmf": "plans.open_rmf:write_building",
     "geojson": "plans.geojson:write_geojson",
     "imdf": "plans.imdf:write_imdf",
@@ -43,16 +43,14 @@ ENDINGS = {".lif.json": "lif", ".building.yaml": "open-rmf"}
 """Formats by endings of files that are not the formats' names."""
 
 
-def format_of(path: Path, formats: Iterable[str]) -> str:
+def format_of(path: Path, formats: Collection[str]) -> str:
     """The name of the format that a file's ending tells. Raises SiteError, which names the formats, where it tells
     none."""
-    known, name = sorted(formats), path.name.lower()
-    own = [ENDINGS[ending] for ending in ENDINGS if name.endswith(ending)]
-    own += [path.suffix.removeprefix(".").lower()]
-    for one in own:
-        if one in known:
-            return one
-    raise SiteError(f"{path}: its ending tells no format; give one with --format: {', '.join(known)}")
+    names = [name for ending, name in ENDINGS.items() if path.name.lower().endswith(ending)]
+    for name in (*names, path.suffix.removeprefix(".").lower()):
+        if name in formats:
+            return name
+    raise SiteError(f"{path}: its ending tells no format; give one with --format: {', '.join(sorted(formats))}")
 
 
 def core_exporters() -> dict[str, Exporter]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import OutputError
-from savmap.types import Alignment, Floats, Ints, Placement, RowMap, SiteMap, Solid, Structure, array_record
+from savmap.types import Alignment, Floats, Ints, Placement, SiteMap, Structure, array_record
 
 Z_UP = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 """world_from_site (3, 3) of a site that is not aligned: x stays, y points up along z, and what comes towards one along
@@ -52,27 +52,32 @@ def elements(site: SiteMap) -> list[Element]:
 def drives(site: SiteMap) -> list[Drive]:
     """The trajectories of all rows in the world's frame. Raises OutputError as `elements` does."""
     require_one_frame(site)
-    return [_drive(row, world_from_row(site, row.name)) for row in site.rows.values()]
+    all_drives = []
+    for row in site.rows.values():
+        located = row.trajectory.frames.astype(np.int64)
+        passes = tuple(row.frames.passes[frame] for frame in located)
+        poses = world_from_row(site, row.name) @ row.trajectory.world_from_rig
+        all_drives.append(Drive(row.name, located, row.frames.stamps_s[located], passes, poses))
+    return all_drives
 
 
 def world_from_row(site: SiteMap, row: str) -> Floats:
     """Transform (4, 4) from a row's frame to the world's."""
     placement = site.placements.get(row)
-    whole: Floats = world_from_site(alignment_of(site, row)) @ (
-        np.eye(4) if placement is None else placement.site_from_row
-    )
+    site_from_row = np.eye(4) if placement is None else placement.site_from_row
+    whole: Floats = world_from_site(alignment_of(site, row)) @ site_from_row
     return whole
 
 
 def only_row(site: SiteMap, row: str) -> tuple[SiteMap, str]:
-    """The map of one of its rows alone, and a note where the site's alignment does not hold for it and is left out: a
+    """The map of one of its rows, and a note where the site's alignment does not hold for it and is left out: a
     row that is not placed among others, mapped or not, may stand anywhere in the user's world."""
-    alone = replace(site, rows={row: site.rows[row]})
+    part = replace(site, rows={row: site.rows[row]})
     others = (site.rows.keys() | site.failed.keys()) - {row}
     if site.alignment is None or row in site.placements or not others:
-        return alone, ""
+        return part, ""
     note = f"row {row} has no place in the site's frame: it is written in its own frame, without the site's alignment"
-    return replace(alone, alignment=None), note
+    return replace(part, alignment=None), note
 
 
 def alignment_of(site: SiteMap, row: str) -> Alignment | None:
@@ -90,10 +95,11 @@ def world_from_site(alignment: Alignment | None) -> Floats:
 def require_one_frame(site: SiteMap) -> None:
     """Raise OutputError where there are several rows and one of them is not placed, because its frame is another
     one."""
-    apart = [name for name in site.rows if name not in site.placements]
-    if apart and len(site.rows) > 1:
+    unplaced = [name for name in site.rows if name not in site.placements]
+    if unplaced and len(site.rows) > 1:
         raise OutputError(
-            f"rows {', '.join(apart)} have no place in the site's frame: give them a `place`, or the site a `layout`, and map again, or choose one with --row"
+            f"rows {', '.join(unplaced)} have no place in the site's frame: give them a `place`, or the site a "
+            "`layout`, and map again, or choose one with --row"
         )
 
 
@@ -117,23 +123,14 @@ def in_world(structure: Structure, alignment: Alignment | None) -> Structure:
 
 
 def _moved(structure: Structure, transform: Floats, covariances: Floats) -> Structure:
-    solid = structure.solid and _moved_solid(structure.solid, transform)
-    return replace(structure, vertices=transformed(structure.vertices, transform), covariances=covariances, solid=solid)
-
-
-def _moved_solid(solid: Solid, transform: Floats) -> Solid:
-    return replace(solid, outline=transformed(solid.outline, transform), depth=transform[:3, :3] @ solid.depth)
+    solid, vertices = structure.solid, transformed(structure.vertices, transform)
+    if solid is not None:
+        depth = transform[:3, :3] @ solid.depth
+        solid = replace(solid, outline=transformed(solid.outline, transform), depth=depth)
+    return replace(structure, vertices=vertices, covariances=covariances, solid=solid)
 
 
 def transformed(points: Floats, transform: Floats) -> Floats:
     """Points (n, 3) by a transform (4, 4)."""
     result: Floats = points @ transform[:3, :3].T + transform[:3, 3]
     return result
-
-
-def _drive(row: RowMap, world_from_row: Floats) -> Drive:
-    located = row.trajectory.frames.astype(np.int64)
-    passes = tuple(row.frames.passes[frame] for frame in located)
-    return Drive(
-        row.name, located, row.frames.stamps_s[located], passes, world_from_row @ row.trajectory.world_from_rig
-    )

@@ -56,25 +56,24 @@ def assumed_depths(bodies: Iterable[tuple[str, float]]) -> str:
     depths = dict[str, list[float]]()
     for label, depth_m in bodies:
         depths.setdefault(visible(label), []).append(depth_m)
-    said = [f"{label} {_span(own)} m" for label, own in list(depths.items())[:MOST_LABELS]]
-    more = [f"and {len(depths) - MOST_LABELS} more"] if len(depths) > MOST_LABELS else []
-    return f"assumed depth, neither measured nor given: {', '.join([*said, *more])}" if said else ""
-
-
-def _span(values: Sequence[float]) -> str:
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-    return low if low == high else f"{low} to {high}"
+    said = []
+    for label, values in list(depths.items())[:MOST_LABELS]:
+        low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+        said.append(f"{label} {low} m" if low == high else f"{label} {low} to {high} m")
+    if len(depths) > MOST_LABELS:
+        said.append(f"and {len(depths) - MOST_LABELS} more")
+    return f"assumed depth, neither measured nor given: {', '.join(said)}" if said else ""
 
 
 def attributes(structure: Structure) -> dict[str, float | int | str]:
     """A structure's attributes; the standard deviation of one that was measured is another one, named "NAME sigma"."""
-    plain = dict[str, float | int | str]()
+    values = dict[str, float | int | str]()
     for name, value in structure.attributes.items():
         if isinstance(value, Measured):
-            plain |= {name: value.value, f"{name} sigma": value.sigma}
+            values |= {name: value.value, f"{name} sigma": value.sigma}
         else:
-            plain[name] = value
-    return plain
+            values[name] = value
+    return values
 
 
 def unique(names: Sequence[str], key: Callable[[str], str] = str, form: str = "{}_{}") -> list[str]:

@@ -2,11 +2,14 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from savmap.errors import SiteError
+from savmap.errors import OutputError, SiteError
+from savmap.files.atomic import reason
+from savmap.files.texts import MOST_MB, bounded_bytes
 from savmap.types import Attribute, Floats, Structure
 
 Frame = Literal["row", "site", "world"]
@@ -55,9 +58,9 @@ def options_of(
     placed: bool,
 ) -> ImportOptions:
     """The options, checked. Raises SiteError for one that names no column, unit or frame."""
-    strange = [name for name in columns if name not in MEANINGS]
-    if strange:
-        raise SiteError(f"--columns {listed(strange)}: columns are {', '.join(MEANINGS)}")
+    unknown = [name for name in columns if name not in MEANINGS]
+    if unknown:
+        raise SiteError(f"--columns {listed(unknown)}: columns are {', '.join(MEANINGS)}")
     if unit not in (None, *UNITS):
         raise SiteError(f"--unit {listed([str(unit)])}: units are {', '.join(UNITS)}")
     if frame not in (None, *FRAMES):
@@ -66,7 +69,7 @@ def options_of(
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SurveyElement:
     """An element of a file: its row ("" where the file names none), the frame of its vertices, and what is known of it,
     m."""
 
@@ -84,10 +87,18 @@ def element(
 ) -> Structure:
     """An element with points (n, 3) m, whose errors are not known."""
     count = len(points)
-    labels = tuple(vertices) or ("",) * count
-    return Structure(
-        name, label, points, np.zeros((count, 3, 3)), labels, np.zeros((0, 2), np.int64), dict(attributes or {})
-    )
+    labels, no_edges = tuple(vertices) or ("",) * count, np.zeros((0, 2), np.int64)
+    return Structure(name, label, points, np.zeros((count, 3, 3)), labels, no_edges, dict(attributes or {}))
+
+
+def bytes_of(path: Path, most_mb: float = MOST_MB) -> bytes:
+    """What a file holds. Raises OutputError."""
+    try:
+        return bounded_bytes(path, most_mb)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
+    except ValueError as error:
+        raise OutputError(f"{path}: {error}") from error
 
 
 def listed(names: Iterable[str]) -> str:

@@ -1,17 +1,151 @@
-"""Elements in their rows' frames to a survey: each plugin makes its part of each row's entry."""
+"""Surveys out of the files that surveyors and their spreadsheets write: elements, of tables (`table`) and drawings
+(`drawing`), are put into their rows' frames, and each plugin makes its part of each row's entry of them.
+
+Where rows stand in the frame of a survey is known by a map with its alignment, or by the place of each row's origin in
+the user's world.
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
-from savmap.errors import OutputError
-from savmap.maps.imports.records import Found, listed
+from savmap.errors import OutputError, SiteError
+from savmap.maps.exports.frames import Z_UP, transformed, world_from_row
+from savmap.maps.imports.records import ImportOptions, SurveyElement, listed
 from savmap.maps.schema import FARTHEST_M
-from savmap.types import Structure, Survey, SurveyEntry
+from savmap.types import Alignment, Floats, SiteMap, Structure, Survey, SurveyEntry
 
+DRAWINGS = (".dxf",)
+TABLES = (".csv", ".tsv", ".txt", ".asc", ".xyz")
+NEAR_M = 2.0
+"""What is further from all that was mapped of a row does not belong to it."""
 EntryHook = Callable[[str, Sequence[Structure]], SurveyEntry]
+
+
+def elements_of(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
+    """The elements that a file holds, by its ending. `labels`: those of the plugins, by themselves in lower case.
+    Raises OutputError with one line: file, place, problem."""
+    ending = path.suffix.lower()
+    if ending in DRAWINGS:
+        from savmap.maps.imports.drawing import read_drawing  # only here: it is slow to load
+
+        return read_drawing(path, options, labels)
+    if ending in TABLES:
+        from savmap.maps.imports.table import read_table
+
+        return read_table(path, options, labels)
+    raise OutputError(f"{path}: surveys are read from {', '.join((*TABLES, *DRAWINGS))}")
+
+
+@dataclass(frozen=True, eq=False)
+class RowPlaces:
+    """Where rows stand: in a map (`site`), and of those named in `given`, world_from_row (4, 4)."""
+
+    site: SiteMap | None = None
+    given: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        """Whether anything says where rows stand."""
+        return self.site is not None or bool(self.given)
+
+    @property
+    def rows(self) -> list[str]:
+        """The rows of which the place is known."""
+        return list(dict.fromkeys((*self.given, *(self.site.rows if self.site else ()))))
+
+    def row_from(self, frame: str, row: str) -> Floats:
+        """Transform (4, 4) from a frame to a row's. Raises OutputError where the row's place in it is not known."""
+        if frame == "row":
+            return np.eye(4)
+        if frame == "world" and row in self.given:
+            return inverse(self.given[row])
+        site = self.site
+        if site is None or row not in site.rows:
+            known_rows = f"known are {listed(self.rows)}" if self else "say --map MAP"
+            more = "" if frame == "site" else f", or --place '{listed([row])}=X,Y,HEADING'"
+            raise OutputError(
+                f"positions are in the {frame}'s frame, in which row {listed([row])} has no place: {known_rows}{more}"
+            )
+        if row not in site.placements and (len(site.rows) > 1 or frame == "site"):
+            raise OutputError(f"the map does not say where row {listed([row])} stands in the {frame}'s frame")
+        return inverse(world_from_row(site, row) if frame == "world" else site.placements[row].site_from_row)
+
+
+def inverse(transform: Floats) -> Floats:
+    """A rigid transform (4, 4) the other way."""
+    result = np.eye(4)
+    turn = transform[:3, :3].T
+    result[:3, :3], result[:3, 3] = turn, -turn @ transform[:3, 3]
+    return result
+
+
+def in_rows(
+    elements: Sequence[SurveyElement], places: RowPlaces, row: str | None
+) -> tuple[list[SurveyElement], list[str]]:
+    """The elements in their rows' frames, and a note of those that belong to no row. `row`: that of what names none.
+    Raises OutputError."""
+    moved, astray = list[SurveyElement](), list[str]()
+    for element in elements:
+        placed = _in_row(element, places, row)
+        if placed is None:
+            astray.append(element.structure.id)
+        else:
+            moved.append(placed)
+    notes = [f"further than {NEAR_M:g} m from every row, left out: {len(astray)} ({listed(astray)})"] if astray else []
+    return moved, notes
+
+
+def _in_row(element: SurveyElement, places: RowPlaces, row: str | None) -> SurveyElement | None:
+    """An element in its row, which is named, the only one, or that to whose mapped structures it is nearest; None where
+    none is near."""
+    if element.row or row or len(places.rows) == 1:
+        return _moved(element, element.row or row or places.rows[0], places)
+    site = places.site
+    if element.frame == "row" or site is None or places.given:
+        raise OutputError(f"nothing says of which row {listed([element.structure.id])} is: say it with --row ROW")
+    tried = [_moved(element, name, places) for name in site.rows if name in site.placements]
+    if not tried:
+        raise OutputError("the map does not say where its rows stand: say with --row of which row the survey is")
+    distances = [_distance_m(moved.structure, site, moved.row) for moved in tried]
+    best = int(np.argmin(distances))
+    return tried[best] if distances[best] <= NEAR_M else None
+
+
+def _distance_m(structure: Structure, site: SiteMap, row: str) -> float:
+    """How far the middle of a structure is from the box around what was mapped of a row, m."""
+    mapped = [other.vertices for group in site.rows[row].structures.values() for other in group]
+    if not mapped or not len(structure.vertices):
+        return np.inf
+    points, middle = np.concatenate(mapped), structure.vertices.mean(axis=0)
+    beyond = np.maximum(np.maximum(points.min(axis=0) - middle, middle - points.max(axis=0)), 0.0)
+    return float(np.linalg.norm(beyond))
+
+
+def _moved(element: SurveyElement, row: str, places: RowPlaces) -> SurveyElement:
+    vertices = transformed(element.structure.vertices, places.row_from(element.frame, row))
+    return SurveyElement(row, "row", replace(element.structure, vertices=vertices))
+
+
+def place_of(text: str) -> tuple[str, Floats]:
+    """A row and world_from_row (4, 4) of "A=12.40,3.05,3.8": x and y of its origin in the world, m, and which way its x
+    axis runs there, degrees counter-clockwise from the world's; a fourth number is the height of its floor. Raises
+    SiteError."""
+    row, _, numbers = text.rpartition("=")
+    try:
+        x, y, heading, *rest = [float(number) for number in numbers.split(",")]
+        (z,) = rest or (0.0,)
+        if not row or not np.isfinite([x, y, z, heading]).all():
+            raise ValueError
+    except ValueError:
+        raise SiteError(
+            f"--place {listed([text])}: should be ROW=X,Y,HEADING or ROW=X,Y,HEADING,Z, in metres and degrees"
+        ) from None
+    transform = np.eye(4)
+    transform[:3, :3] = Z_UP
+    return row, Alignment(x, y, heading, np.zeros((3, 3)), z).world_from_level @ transform
 
 
 @dataclass(frozen=True)
@@ -29,49 +163,47 @@ class ImportedSurvey:
         yield from (f"note: {note}" for note in self.notes)
 
 
-def survey_of(found: Sequence[Found], plugins: Mapping[str, Sequence[str]], entry_of: EntryHook) -> ImportedSurvey:
+def survey_of(
+    elements: Sequence[SurveyElement], plugins: Mapping[str, Sequence[str]], entry_of: EntryHook
+) -> ImportedSurvey:
     """A survey of elements in their rows' frames. `plugins`: the labels that each takes. `entry_of(plugin, elements)`
     asks one. Raises OutputError where no element has a label that a plugin takes, or a plugin refuses them."""
     plugin_of = {label.casefold(): (plugin, label) for plugin, labels in plugins.items() for label in labels}
-    known = [one for one in found if one.structure.label.casefold() in plugin_of]
-    others = Counter(one.structure.label for one in found if one.structure.label.casefold() not in plugin_of)
-    names = listed(label for _, label in plugin_of.values())
-    if not known:
+    taken = dict[str, dict[str, list[Structure]]]()
+    others = Counter[str]()
+    for element in elements:
+        plugin, label = plugin_of.get(element.structure.label.casefold(), ("", ""))
+        if plugin:
+            structure = replace(element.structure, label=label)
+            taken.setdefault(element.row, {}).setdefault(plugin, []).append(structure)
+        else:
+            others[element.structure.label] += 1
+    if not taken:
+        names = listed(label for _, label in plugin_of.values())
         raise OutputError(f"nothing in it is called {names}, but {listed(others)}: say --layer NAME=LABEL")
-    notes = (
-        [f"labels that no plugin takes, left out: {listed(f'{n} {name}' for name, n in others.items())}"]
-        if others
-        else []
-    )
+    notes = []
+    if others:
+        left = listed(f"{count} {name}" for name, count in others.items())
+        notes.append(f"labels that no plugin takes, left out: {left}")
     rows, counts = dict[str, dict[str, object]](), dict[str, dict[str, int]]()
-    for row in dict.fromkeys(one.row for one in known):
-        own = [one.structure for one in known if one.row == row]
-        rows[row] = {}
-        for plugin in plugins:
-            mine = [
-                replace(thing, label=plugin_of[thing.label.casefold()][1])
-                for thing in own
-                if plugin_of[thing.label.casefold()][0] == plugin
-            ]
-            if mine:
-                entry = _entry(row, plugin, mine, entry_of)
-                rows[row] |= entry.values
-                notes += [f"row {row}: {listed([name])} is left out: {why}" for name, why in entry.left_out.items()]
-                counts[row] = counts.get(row, {}) | _counted(mine, entry)
+    for row, by_plugin in taken.items():
+        rows[row], counts[row] = {}, {}
+        for plugin in (name for name in plugins if name in by_plugin):
+            structures = by_plugin[plugin]
+            entry = _entry(row, plugin, structures, entry_of)
+            rows[row] |= entry.values
+            notes += [f"row {row}: {listed([name])} is left out: {why}" for name, why in entry.left_out.items()]
+            counts[row] |= Counter(structure.label for structure in structures if structure.id not in entry.left_out)
     return ImportedSurvey(Survey(rows), counts, tuple(notes))
 
 
-def _entry(row: str, plugin: str, own: Sequence[Structure], entry_of: EntryHook) -> SurveyEntry:
-    far = [thing.id for thing in own if not (np.abs(thing.vertices) <= FARTHEST_M).all()]
+def _entry(row: str, plugin: str, structures: Sequence[Structure], entry_of: EntryHook) -> SurveyEntry:
+    far = [structure.id for structure in structures if not (np.abs(structure.vertices) <= FARTHEST_M).all()]
     if far:
         raise OutputError(
             f"row {listed([row])}: {listed(far[:1])} is more than {FARTHEST_M:g} m from the row: wrong unit or frame?"
         )
     try:
-        return entry_of(plugin, own)
+        return entry_of(plugin, structures)
     except OutputError as error:
         raise OutputError(f"row {listed([row])}: {error}") from error
-
-
-def _counted(own: Sequence[Structure], entry: SurveyEntry) -> dict[str, int]:
-    return dict(Counter(thing.label for thing in own if thing.id not in entry.left_out))

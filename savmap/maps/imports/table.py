@@ -10,15 +10,24 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import OutputError
-from savmap.files.atomic import reason
-from savmap.files.texts import bounded_bytes
-from savmap.maps.imports.records import FRAMES, MOST_POINTS, UNITS, Found, Frame, ImportOptions, element, listed
+from savmap.maps.imports.records import (
+    FRAMES,
+    MOST_POINTS,
+    UNITS,
+    Frame,
+    ImportOptions,
+    SurveyElement,
+    bytes_of,
+    element,
+    listed,
+)
 from savmap.types import Floats
 
 ALIASES: Mapping[str, tuple[str, ...]] = {
@@ -69,7 +78,7 @@ class Columns:
         return FORMULA.sub("", line.cells[place].strip()) if 0 <= place < len(line.cells) else ""
 
 
-def read_table(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[Found]:
+def read_table(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
     """The elements of a table. `labels`: those of the plugins, by themselves in lower case. Raises OutputError."""
     lines = _lines(path)
     if not lines:
@@ -102,53 +111,49 @@ def _lines(path: Path) -> list[Line]:
 
 def _text(path: Path) -> str:
     """The file's text: UTF-8, UTF-16 with its mark, or what older spreadsheets write (Windows 1252)."""
-    try:
-        content = bounded_bytes(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be read ({reason(error)})") from error
-    except ValueError as error:
-        raise OutputError(f"{path}: {error}") from error
+    content = bytes_of(path)
     codings = ("utf-16",) if content[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252")
     for coding in codings:
-        try:
+        with suppress(UnicodeDecodeError):
             return content.decode(coding).replace("\0", "\ufffd")
-        except UnicodeDecodeError:
-            continue
     raise OutputError(f"{path}: is not a text file")
 
 
 def _columns(path: Path, header: Sequence[str], options: ImportOptions) -> tuple[Columns, int]:
     """What the table's first line says of its columns, and with which line its points begin: the first where that is no
     header."""
-    known = [_named(cell) for cell in header]
+    named = [_named(cell) for cell in header]
+    names = [name for name, _ in named]
     places = dict[str, int]()
     for meaning, aliases in {**ALIASES, **(IN_WORLD if options.usual_frame == "world" else IN_ROW)}.items():
         if meaning in options.columns:
             places[meaning] = _chosen(path, meaning, options.columns[meaning], header)
-        else:
-            found = [place for alias in aliases for place, (name, _) in enumerate(known) if name == alias]
-            places |= {meaning: found[0]} if found else {}
+        elif alias := next((alias for alias in aliases if alias in names), ""):
+            places[meaning] = names.index(alias)
     needed = AXES[:2] if options.usual_frame == "row" and "frame" not in places else AXES
     lacking = [axis for axis in needed if axis not in places]
     if lacking:
-        world = IN_WORLD["x"][1:] + IN_WORLD["y"][1:]
-        hint = "; places of the world need --map or --place" if any(name in world for name, _ in known) else ""
+        world = set(IN_WORLD["x"][1:] + IN_WORLD["y"][1:])
+        hint = "; places of the world need --map or --place" if world & set(names) else ""
         raise OutputError(
-            f"{path}: no column is {lacking[0]}; there are {listed(header)}: say --columns {lacking[0]}=NAME, or its number{hint}"
+            f"{path}: no column is {lacking[0]}; there are {listed(header)}: say --columns {lacking[0]}=NAME, "
+            f"or its number{hint}"
         )
-    own = {axis: known[places[axis]][1] for axis in AXES if axis in places}
-    unit = options.unit or next((unit for unit in own.values() if unit), "m")
-    metres = {axis: UNITS[options.unit or own.get(axis) or unit] for axis in AXES}
-    headless = all(_is_number(header[places[axis]]) for axis in needed)
+    units = {axis: named[places[axis]][1] for axis in AXES if axis in places}
+    unit = options.unit or next(filter(None, units.values()), "m")
+    metres = {axis: UNITS[options.unit or units.get(axis) or unit] for axis in AXES}
+    headless = all(
+        NUMBER.fullmatch(GROUPING.sub("", header[places[axis]].strip()).replace(",", ".")) for axis in needed
+    )
     return Columns(places, metres), 0 if headless else 1
 
 
 def _named(cell: str) -> tuple[str, str]:
     """A column's name in lower case, and its unit where it says one."""
     name = " ".join(cell.strip().lower().replace("\ufeff", "").split())[:200]
-    found = WITH_UNIT.fullmatch(name)
-    if found and found["unit"] in UNITS:
-        return found["name"].strip(), found["unit"]
+    match = WITH_UNIT.fullmatch(name)
+    if match and match["unit"] in UNITS:
+        return match["name"].strip(), match["unit"]
     return name, ""
 
 
@@ -167,10 +172,10 @@ def _places(path: Path, points: Sequence[Line], columns: Columns) -> Floats:
     cells = [[GROUPING.sub("", columns.text(line, axis)) for axis in AXES] for line in points]
     comma = _comma_is_decimal(path, [cell for line in cells for cell in line])
     values = np.zeros((len(points), 3))
-    for k, (line, own) in enumerate(zip(points, cells, strict=True)):
+    for k, line in enumerate(points):
         for column, axis in enumerate(AXES):
             if axis in columns.places:
-                values[k, column] = _number(path, line, axis, own[column], comma) * columns.metres[axis]
+                values[k, column] = _number(path, line, axis, cells[k][column], comma) * columns.metres[axis]
     return values
 
 
@@ -187,14 +192,10 @@ def _comma_is_decimal(path: Path, cells: Sequence[str]) -> bool:
 
 
 def _number(path: Path, line: Line, axis: str, cell: str, comma: bool) -> float:
-    plain = cell.replace(".", "").replace(",", ".") if comma else cell.replace(",", "")
-    if not NUMBER.fullmatch(plain) or not np.isfinite(value := float(plain)):
+    digits = cell.replace(".", "").replace(",", ".") if comma else cell.replace(",", "")
+    if not NUMBER.fullmatch(digits) or not np.isfinite(value := float(digits)):
         raise OutputError(f"{path}: line {line.number}: {axis} is {listed([cell]) if cell else 'empty'}, not a number")
     return value
-
-
-def _is_number(cell: str) -> bool:
-    return bool(NUMBER.fullmatch(GROUPING.sub("", cell.strip()).replace(",", ".")))
 
 
 def _elements(
@@ -204,32 +205,26 @@ def _elements(
     columns: Columns,
     options: ImportOptions,
     labels: Mapping[str, str],
-) -> list[Found]:
+) -> list[SurveyElement]:
     """The points of each row and id, or of each code, in one element."""
     if not {"id", "label"} & columns.places.keys():
         raise OutputError(f"{path}: no column says what each point is of: name it with --columns id=NAME or label=NAME")
     groups = dict[tuple[str, str], list[int]]()
     for k, line in enumerate(points):
         groups.setdefault((columns.text(line, "row"), _key(line, columns)), []).append(k)
-    return [
-        Found(
-            row,
-            _frame(path, points[own[0]], columns, options),
-            element(
-                name,
-                _label(points[own[0]], columns, name, options, labels),
-                places[own],
-                [columns.text(points[k], "vertex") for k in own],
-                {"text": text} if (text := columns.text(points[own[0]], "text")) else {},
-            ),
-        )
-        for (row, name), own in groups.items()
-    ]
+    elements = []
+    for (row, name), group in groups.items():
+        line = points[group[0]]
+        text, vertices = columns.text(line, "text"), [columns.text(points[k], "vertex") for k in group]
+        label = _label(line, columns, name, options, labels)
+        structure = element(name, label, places[group], vertices, {"text": text} if text else {})
+        elements.append(SurveyElement(row, _frame(path, line, columns, options), structure))
+    return elements
 
 
 def _key(line: Line, columns: Columns) -> str:
-    """What all points of an element have in common: its id; else a code with a number; a point with a plain code is an
-    element by itself."""
+    """What all points of an element have in common: its id; else a code with a number. A point whose code has no number
+    is an element by itself."""
     name, code = columns.text(line, "id"), columns.text(line, "label")
     if name or NUMBERED.fullmatch(code):
         return name or code

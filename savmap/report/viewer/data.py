@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import visible
-from savmap.maps.assumed import assumed_coordinates
 from savmap.maps.comparison import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
 from savmap.maps.exports.frames import alignment_of
 from savmap.maps.search import PART
@@ -77,7 +76,7 @@ def structure_entries(
     the survey, m."""
     return [
         _structure(plugin, structure, labels, deviations(plugin))
-        | {"assumed": np.flatnonzero(assumed_coordinates(row, plugin, structure)).tolist()}
+        | {"assumed": np.flatnonzero(structure.assumed(plugin, row.joint)).tolist()}
         for plugin, group in row.structures.items()
         for structure in group
     ]

@@ -19,7 +19,7 @@ from savmap.maps.comparison import (
     comparison_text,
     unsaid_text,
 )
-from savmap.maps.comparison.changes import accepted, judged
+from savmap.maps.comparison.changes import accepted, with_states
 from savmap.maps.comparison.texts import motion_text
 from savmap.types import SiteMap, Structure
 
@@ -280,14 +280,14 @@ def element(number: int, p: float, edges: tuple[float, ...], difference_m: float
 
 def test_equal_differences_of_other_edges_are_tests_of_their_own() -> None:
     row = [element(0, 0.02, (0.0, 0.1, 0.0, 0.1)), *(element(k, 0.9, (k, k + 0.1, k, k + 0.1)) for k in range(1, 10))]
-    assert {one.state for one in judged([row], 0.1)[0]} == {"same"}
+    assert {one.state for one in with_states([row], 0.1)[0]} == {"same"}
 
 
 def test_figures_of_the_same_edges_are_one_test() -> None:
     edges = 1.0, 3.7, 1.01, 3.7
     row = [element(k, p, edges) for k, p in enumerate((0.02, 0.02, 0.9, 0.9))]
     row += [element(4, 0.9, (1.0, 3.7, 1.01, 3.8))]
-    assert [one.state for one in judged([row], 0.05)[0]] == ["moved", "moved", "same", "same", "same"]
+    assert [one.state for one in with_states([row], 0.05)[0]] == ["moved", "moved", "same", "same", "same"]
 
 
 def test_independent_differences_are_all_counted() -> None:

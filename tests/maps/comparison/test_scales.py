@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from savmap.maps.comparison import RowComparison, ScaleDifference, as_json, compare_maps, comparison_lines
-from savmap.maps.comparison.scales import judged_scales
+from savmap.maps.comparison.changes import with_significance
 from savmap.types import SiteMap
 
 BAYS = place.irregular()
@@ -114,11 +114,11 @@ def one(p: float) -> ScaleDifference:
 
 
 def test_scales_of_many_rows_are_one_family() -> None:
-    assert judged_scales([[one(0.001)]], 0.1)[0][0].significant
-    assert not judged_scales([[one(0.01)]], 0.5)[0][0].significant, "less than three standard deviations"
-    many = judged_scales([[one(0.002)], *([one(0.5)] for _ in range(99))], 0.1)
+    assert with_significance([[one(0.001)]], 0.1)[0][0].significant
+    assert not with_significance([[one(0.01)]], 0.5)[0][0].significant, "less than three standard deviations"
+    many = with_significance([[one(0.002)], *([one(0.5)] for _ in range(99))], 0.1)
     assert not many[0][0].significant
-    assert judged_scales([[], []], 0.1) == [(), ()]
+    assert with_significance([[], []], 0.1) == [(), ()]
 
 
 @pytest.mark.parametrize("factor", [0.85, 1.2])

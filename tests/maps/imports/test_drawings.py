@@ -8,7 +8,7 @@ import pytest
 
 from savmap.errors import OutputError
 from savmap.maps.imports import drawing, elements_of
-from savmap.maps.imports.records import Found, ImportOptions
+from savmap.maps.imports.records import ImportOptions, SurveyElement
 
 pytestmark = pytest.mark.extra("cad")
 LABELS = {"post": "post", "bar": "bar", "tube": "tube"}
@@ -22,12 +22,12 @@ def empty(units: int = 6) -> Any:
     return ezdxf.new("R2010", units=units)
 
 
-def read(folder: Path, document: Any, options: ImportOptions | None = None) -> list[Found]:
+def read(folder: Path, document: Any, options: ImportOptions | None = None) -> list[SurveyElement]:
     document.saveas(folder / "plan.dxf")
     return elements_of(folder / "plan.dxf", options or ImportOptions(), LABELS)
 
 
-def corners(one: Found) -> list[list[float]]:
+def corners(one: SurveyElement) -> list[list[float]]:
     return sorted(np.round(one.structure.vertices, 6).tolist())
 
 

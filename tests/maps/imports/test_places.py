@@ -7,9 +7,8 @@ import pytest
 
 from savmap.errors import OutputError, SiteError
 from savmap.maps.exports.frames import world_from_row
-from savmap.maps.imports.places import RowPlaces, in_rows, place_of
-from savmap.maps.imports.records import Found, Frame, element, options_of
-from savmap.maps.imports.survey import survey_of
+from savmap.maps.imports.records import Frame, SurveyElement, element, options_of
+from savmap.maps.imports.survey import RowPlaces, in_rows, place_of, survey_of
 from savmap.types import (
     Alignment,
     Floats,
@@ -43,8 +42,8 @@ def moved(points: Floats, transform: Floats) -> Floats:
     return result
 
 
-def found(points: Floats, frame: Frame, name: str = "") -> Found:
-    return Found(name, frame, element("bar 7", "bar", points))
+def found(points: Floats, frame: Frame, name: str = "") -> SurveyElement:
+    return SurveyElement(name, frame, element("bar 7", "bar", points))
 
 
 def test_positions_come_back_from_the_world_and_the_site(site: SiteMap) -> None:
@@ -114,8 +113,11 @@ def entry(plugin: str, own: list[Structure]) -> SurveyEntry:
 
 
 def test_each_plugin_makes_its_part_of_the_entries() -> None:
-    twice = [Found("A", "row", element(f"bar {k}", "BAR", POINTS)) for k in (1, 2)]
-    others = [Found("A", "row", element("p", "post", POINTS)), Found("B", "row", element("w", "wall", POINTS))]
+    twice = [SurveyElement("A", "row", element(f"bar {k}", "BAR", POINTS)) for k in (1, 2)]
+    others = [
+        SurveyElement("A", "row", element("p", "post", POINTS)),
+        SurveyElement("B", "row", element("w", "wall", POINTS)),
+    ]
     result = survey_of(
         [*twice, *others], {"bars": ("bar",), "posts": ("post",)}, lambda name, own: entry(name, list(own))
     )
@@ -129,8 +131,12 @@ def test_each_plugin_makes_its_part_of_the_entries() -> None:
 
 def test_nothing_that_a_plugin_takes_is_refused() -> None:
     with pytest.raises(OutputError, match="nothing in it is called post, but wall: say --layer NAME=LABEL"):
-        survey_of([Found("A", "row", element("w", "wall", POINTS))], {"posts": ("post",)}, lambda *_: SurveyEntry({}))
+        survey_of(
+            [SurveyElement("A", "row", element("w", "wall", POINTS))], {"posts": ("post",)}, lambda *_: SurveyEntry({})
+        )
     with pytest.raises(OutputError, match=r"more than 1e[+]06 m from the row: wrong unit"):
         survey_of(
-            [Found("A", "row", element("w", "post", 1e7 * POINTS))], {"posts": ("post",)}, lambda *_: SurveyEntry({})
+            [SurveyElement("A", "row", element("w", "post", 1e7 * POINTS))],
+            {"posts": ("post",)},
+            lambda *_: SurveyEntry({}),
         )

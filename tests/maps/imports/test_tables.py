@@ -9,15 +9,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from savmap.errors import OutputError, SavmapError
-from savmap.maps.imports import elements_of
-from savmap.maps.imports.records import Found, ImportOptions
+from savmap.maps.imports.records import ImportOptions, SurveyElement
+from savmap.maps.imports.survey import elements_of
 
 LABELS = {"post": "post", "bar": "bar"}
 
 
 def read(
     folder: Path, text: str | bytes, options: ImportOptions | None = None, name: str = "points.csv"
-) -> list[Found]:
+) -> list[SurveyElement]:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return elements_of(path, options or ImportOptions(), LABELS)

@@ -14,7 +14,7 @@ from savmap import export, find
 from savmap.cli.commands import results
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import only_row, world_from_row
-from savmap.maps.exports.plain import write_csv as write_vertices
+from savmap.maps.exports.vertices import write_csv as write_vertices
 from savmap.maps.map_file import write_map
 from savmap.types import (
     Alignment,

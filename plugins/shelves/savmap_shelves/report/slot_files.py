@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from savmap.files.atomic import write_text
 from savmap.files.texts import json_visible
 from savmap.maps.exports.marks import BETWEEN
-from savmap.maps.exports.plain import cell
+from savmap.maps.exports.vertices import cell
 from savmap.types import Bools, Measured, SiteMap, Structure
 from savmap_shelves.report.slots import Slot, edge, slots_of
 

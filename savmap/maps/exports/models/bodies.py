@@ -1,16 +1,19 @@
-"""Solids as closed bodies of triangles whose faces look outwards."""
+"""A map as models see it: rows with the places that they are built around, their structures in the world's frame, and
+solids as closed bodies of triangles whose faces look outwards."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
-from savmap.types import Floats, Solid
+from savmap.maps.exports.frames import Element, elements, world_from_row
+from savmap.maps.exports.marks import assumed_depths
+from savmap.types import Floats, SiteMap, Solid, Structure
 from savmap.types.common import Ints, array_record
 
 THINNEST_M = 1e-6
 """What is thinner is no solid: 0.01 mm is the resolution of map files."""
-
-Corner = tuple[int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,7 @@ class Body:
         return float(np.abs((self.outline - self.outline.mean(axis=0)) @ self.normal).max())
 
     def flat_faces(self) -> tuple[Floats, Floats, Ints]:
-        """The same for flat shading: points (6n, 3), each of one face alone, their normals (6n, 3), and triangles (4n -
+        """The same for flat shading: points (6n, 3), each of a single face, their normals (6n, 3), and triangles (4n -
         4, 3)."""
         count = len(self.outline)
         after = np.roll(self.outline, -1, axis=0)
@@ -76,59 +79,97 @@ def body_of(solid: Solid) -> Body | None:
     outline = solid.outline[np.linalg.norm(solid.outline - np.roll(solid.outline, 1, axis=0), axis=1) > THINNEST_M]
     if len(outline) < 3:
         return None
-    area = _area(outline)
+    arms = outline - outline[0]
+    area = np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0) / 2  # the normal times the area (Newell)
     size = float(np.linalg.norm(area))
     if size < THINNEST_M**2 or abs(area @ solid.depth) < THINNEST_M * size:
         return None
     if area @ solid.depth > 0:
         outline, area = outline[::-1], -area
     normal = area / size
-    return Body(outline, solid.depth, normal, _filling(_in_plane(outline, normal)))
-
-
-def _area(outline: Floats) -> Floats:
-    """The vector area (3,) of a closed outline (n, 3): its normal times its area (Newell)."""
-    arms = outline - outline[0]
-    area: Floats = np.cross(arms, np.roll(arms, -1, axis=0)).sum(axis=0) / 2
-    return area
-
-
-def _in_plane(outline: Floats, normal: Floats) -> Floats:
-    """The outline (n, 2) in the axis-aligned plane that it is nearest to, counter-clockwise."""
     axis = int(np.argmax(np.abs(normal)))
-    flat = outline[:, [(axis + 1) % 3, (axis + 2) % 3]]
-    return flat if normal[axis] > 0 else flat * [1.0, -1.0]
+    flat = outline[:, [(axis + 1) % 3, (axis + 2) % 3]]  # in the axis-aligned plane that it is nearest to
+    return Body(outline, solid.depth, normal, _filling(flat if normal[axis] > 0 else flat * [1.0, -1.0]))
 
 
 def _filling(flat: Floats) -> Ints:
-    """Corners (n - 2, 3) of triangles that fill an outline (n, 2), which is counter-clockwise: its ears are cut off one
-    by one."""
-    left, cut, at = list(range(len(flat))), list[Corner](), 0
+    """Corners (n - 2, 3) of triangles that fill a counter-clockwise outline (n, 2): its ears are cut off in turn."""
+    left, cut, at = list(range(len(flat))), list[list[int]](), 0
     while len(left) > 3:
-        turns = (at + k for k in range(len(left)))
-        ear = next((k % len(left) for k in turns if _is_ear(flat, left, k % len(left))), at % len(left))
-        cut.append(_corner(left, ear))
-        del left[ear]
-        at = ear
+        corners = [[left[k - 1], left[k], left[(k + 1) % len(left)]] for k in range(len(left))]
+        turns = ((at + k) % len(left) for k in range(len(left)))
+        at = next((k for k in turns if _is_ear(flat, left, corners[k])), at % len(left))
+        cut.append(corners[at])
+        del left[at]
     return np.array([*cut, left], dtype=np.int64)
 
 
-def _corner(left: list[int], k: int) -> Corner:
-    return left[k - 1], left[k], left[(k + 1) % len(left)]
+def _is_ear(flat: Floats, left: list[int], corners: list[int]) -> bool:
+    """Whether a triangle turns left and no other corner lies in it."""
 
+    def turn(a: Floats, b: Floats, c: Floats) -> Floats:
+        area: Floats = (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
+        return area
 
-def _is_ear(flat: Floats, left: list[int], k: int) -> bool:
-    """Whether the triangle at this corner turns left and no other corner lies in it."""
-    names = _corner(left, k)
-    a, b, c = flat[list(names)]
-    if _turn(a, b, c) <= 0:
+    a, b, c = flat[corners]
+    if turn(a, b, c) <= 0:
         return False
-    others = flat[[name for name in left if name not in names]]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    return not bool(np.any(inside))
+    others = flat[[name for name in left if name not in corners]]
+    return not bool(np.any((turn(a, b, others) >= 0) & (turn(b, c, others) >= 0) & (turn(c, a, others) >= 0)))
 
 
-def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the signed area of triangles; positive where they turn left."""
-    area: Floats = (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])
-    return area
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A structure in the world's frame, its body (None: it is lines, or points), and what is doubted of it."""
+
+    row: str
+    plugin: str
+    structure: Structure
+    body: Body | None
+    doubts: tuple[str, ...]
+
+    @property
+    def assumed(self) -> bool:
+        """Whether it has a body whose depth was neither measured nor given."""
+        return self.body is not None and self.structure.solid is not None and self.structure.solid.assumed
+
+    @property
+    def ifc_class(self) -> str:
+        """What it is in a building model, as its plugin says; nothing where that says nothing."""
+        return "" if self.structure.solid is None else self.structure.solid.ifc_class
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class RowParts:
+    """A row's parts, and its origin (3,) m in the world's frame, near which they are: files whose numbers have seven
+    digits give positions from there."""
+
+    name: str
+    origin: Floats
+    parts: tuple[Part, ...]
+
+
+def depth_note(rows: Sequence[RowParts]) -> str:
+    """What to say of the depths of all parts that were neither measured nor given; nothing where there is none."""
+    return assumed_depths(
+        (part.structure.label, float(np.linalg.norm(part.body.depth)))
+        for row in rows
+        for part in row.parts
+        if part.assumed and part.body is not None
+    )
+
+
+def parts_of(site: SiteMap) -> list[RowParts]:
+    """All rows of a map that have structures. Raises OutputError where rows have no common frame."""
+    doubts = site.doubts()
+
+    def parts(group: Iterator[Element]) -> Iterator[Part]:
+        for element in group:
+            structure = element.structure
+            body = None if structure.solid is None else body_of(structure.solid)
+            said = tuple(doubts.get((element.row, structure.id), ()))
+            yield Part(element.row, element.plugin, structure, body, said)
+
+    rows = groupby(elements(site), key=lambda element: element.row)
+    return [RowParts(name, world_from_row(site, name)[:3, 3], tuple(parts(group))) for name, group in rows]

@@ -1,14 +1,17 @@
 """A map as a drawing, DXF R2010, by the library `ezdxf`: metres.
 
 In the model space: the wireframe of all rows at its place in the world, on layers "3D LABEL"; below it, rows side by
-side, each row's elevation with dimensions, and its plan, on layers "ELEVATION LABEL", "PLAN LABEL", "TEXT" and
-"DIMENSIONS". What is known of a structure is in the extended data (`SAVMAP`) of its lines.
+side, each row's elevation, which looks at its face, with dimensions, and its plan, which looks down, on layers
+"ELEVATION LABEL", "PLAN LABEL", "TEXT" and "DIMENSIONS". Both have x along the row. In the elevation y points up; in
+the plan, away from who faces the row. What is known of a structure is in the extended data (`SAVMAP`) of its lines.
 """
 
 import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +20,25 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports import require_library
+from savmap.maps.exports.hull import hull
 from savmap.maps.exports.marks import bytes_of, colours, sigmas, unique
-from savmap.maps.exports.models.drawings import Dimension, Shape, dimensions, elevation, plan, reach
-from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
+from savmap.maps.exports.models.bodies import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, RowMap, SiteMap, Structure
+from savmap.types.common import array_record
 
 APP = "SAVMAP"
 METRES = 6
-MARGIN_M, APART_M = 5.0, 3.0
+MARGIN_M, BETWEEN_M = 5.0, 3.0
 """Between the world and the drawings below it, and between drawings."""
 TEXT_M, TITLE_M = 0.05, 0.3
 """Heights of letters."""
 CHAIN_M = 0.4
 """Between a row and its chains of dimensions."""
+SAME_M = 0.005
+"""Heights that differ by less are one in a chain of dimensions."""
+SKEW = 1e-3
+"""What is askew by less is seen straight on."""
+COLUMN, BEAM = "IfcColumn", "IfcBeam"
 LONGEST_TEXT, LONGEST_NOTE, LONGEST_LAYER, LONGEST_DATA = 60, 200, 100, 250
 """Letters, of captions and of notes; bytes of a text of extended data, of which DXF allows 255."""
 NO_LAYER_LETTERS = re.compile(r"[<>/\\\\\":;?*|=,`'%^\s]+")
@@ -66,19 +75,14 @@ def dxf_text(site: SiteMap) -> str:
         for row in rows:
             for part in row.parts:
                 drawing.wireframe(part)
-        drawing.sheets([(row, site.rows[row.name]) for row in rows], _below(rows))
+        corner = _below(rows)
+        for row in rows:
+            corner = corner + np.array([drawing.sheet(row, site.rows[row.name], corner) + BETWEEN_M, 0.0])
         for kind in sorted(document.entitydb.dxf_types_in_use()):
-            document.classes.add_class(kind)  # ezdxf itself would add them in an order of its own in each process
+            document.classes.add_class(kind)  # ezdxf itself would add them in another order in each process
         stream = io.StringIO()
         document.write(stream)
     return stream.getvalue()
-
-
-def drawn_text(text: str, longest: int = LONGEST_TEXT) -> str:
-    """A text as drawings show it: one line, nothing of which is taken for a code."""
-    shown = visible(text)
-    cut = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
-    return CODED.sub(r"\\U+005C", cut.replace("%%", "%%%%%%").replace("^", "^ "))
 
 
 @contextmanager
@@ -101,6 +105,94 @@ def _below(rows: Sequence[RowParts]) -> Floats:
     return lowest - [0.0, MARGIN_M]
 
 
+def drawn_text(text: str, longest: int = LONGEST_TEXT) -> str:
+    """A text as drawings show it: one line, nothing of which is taken for a code."""
+    shown = visible(text)
+    cut = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
+    return CODED.sub(r"\\U+005C", cut.replace("%%", "%%%%%%").replace("^", "^ "))
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Shape:
+    """Lines of a structure in a drawing: points (n, 2) m from the row's origin, closed or not."""
+
+    structure: Structure
+    points: Floats
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A length in a drawing, from one point to another, along x or upright; its line is at `line`: the other
+    coordinate."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    line: float
+    upright: bool
+
+
+def _shapes(row: RowMap, axes: tuple[int, int], way: float) -> Iterator[Shape]:
+    """A row's solids, or the edges of what has none, along two of its axes, the other of which may be turned round. A
+    solid is its outline where it is looked at along its depth, else all that it covers."""
+    turn = np.array([1.0, way])
+    for structure in _structures(row):
+        if structure.solid is not None:
+            outline, depth = structure.solid.outline, structure.solid.depth
+            if np.abs(depth[[*axes]]).max() < SKEW * np.linalg.norm(depth):
+                yield Shape(structure, outline[:, axes] * turn, closed=True)
+            else:
+                flat = np.concatenate([outline, outline + depth])[:, axes] * turn
+                yield Shape(structure, hull(flat), closed=True)
+            continue
+        flat = structure.vertices[:, axes] * turn
+        for points in [flat[edge] for edge in structure.edges] or [flat[k : k + 1] for k in range(len(flat))]:
+            yield Shape(structure, points, closed=False)
+
+
+def _structures(row: RowMap) -> list[Structure]:
+    return [structure for group in row.structures.values() for structure in group]
+
+
+def _corners(shapes: Sequence[Shape]) -> tuple[Floats, Floats]:
+    """The lower left and the upper right corner (2,) of all shapes; the origin twice where there is none."""
+    points = np.concatenate([np.zeros((0, 2)), *(shape.points for shape in shapes)])
+    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
+
+
+def dimensions(row: RowMap, below: float, left: float) -> list[Dimension]:
+    """What an elevation is dimensioned with: clear widths between neighbouring columns, from the first column's outer
+    side to the last one's, and, in each width, the heights of the beams' upper sides. `below`, `left`: where the
+    chains' lines begin."""
+    reach: dict[str, list[tuple[float, float, float]]] = {COLUMN: [], BEAM: []}
+    for structure in _structures(row):
+        if structure.solid and structure.solid.ifc_class in reach:
+            x, y = structure.solid.outline[:, 0], structure.solid.outline[:, 1]
+            reach[structure.solid.ifc_class].append((float(x.min()), float(x.max()), float(y.max())))
+    spans = sorted(reach[COLUMN])
+    if not spans:
+        return []
+    gaps = [(a[1], b[0]) for a, b in pairwise(spans) if b[0] > a[1]]
+    widths = [Dimension((a, 0.0), (b, 0.0), below, False) for a, b in gaps]
+    total = Dimension((spans[0][0], 0.0), (max(span[1] for span in spans), 0.0), below - 0.4, False)
+    heights = [
+        Dimension((a + left, low), (a + left, high), a + left, True)
+        for a, b in gaps
+        for low, high in pairwise(_levels(top for start, end, top in reach[BEAM] if a <= (start + end) / 2 <= b))
+    ]
+    return [*widths, total, *heights]
+
+
+def _levels(tops: Iterator[float]) -> list[float]:
+    """The floor and the upper sides of beams, upwards."""
+    levels = [0.0]
+    for top in sorted(tops):
+        if top - levels[-1] > SAME_M:
+            levels.append(top)
+    return levels
+
+
 class _Drawing:
     """A DXF document as it grows."""
 
@@ -109,8 +201,8 @@ class _Drawing:
         document.appids.new(APP)
         document.dimstyles.new(APP, dxfattribs=STYLE)
         palette = colours(labels)
-        names = unique([_layer_name(label) for label in palette], str.casefold, "{} {}")
-        self.layers = dict(zip(palette, names, strict=True))
+        shown = [NO_LAYER_LETTERS.sub("_", visible(label))[:LONGEST_LAYER] or "_" for label in palette]
+        self.layers = dict(zip(palette, unique(shown, str.casefold, "{} {}"), strict=True))
         for kind in ("3D", "ELEVATION", "PLAN"):
             for label, name in self.layers.items():
                 layer = document.layers.add(f"{kind} {name}")
@@ -119,39 +211,36 @@ class _Drawing:
             document.layers.add(name)
 
     def wireframe(self, part: Part) -> None:
-        """A structure at its place in the world: its solid's edges, or its own, or its vertices."""
-        thing, on = part.structure, self._layer("3D", part.structure)
+        """A structure at its place in the world: its solid's edges, or its edges, or its vertices."""
+        on = self._layer("3D", part.structure)
         if part.body is not None:
             count = len(part.body.outline)
             around = [(k, (k + 1) % count) for k in range(count)]
             edges = [*around, *((a + count, b + count) for a, b in around), *((k, k + count) for k in range(count))]
             points = part.body.points
         else:
-            edges, points = thing.edges.tolist(), thing.vertices
-        for a, b in edges:
-            self._told(self.space.add_line(points[a], points[b], dxfattribs=on), part)
-        if not len(edges):
-            for point in points:
-                self._told(self.space.add_point(point, dxfattribs=on), part)
+            edges, points = part.structure.edges.tolist(), part.structure.vertices
+        entities = [self.space.add_line(points[a], points[b], dxfattribs=on) for a, b in edges]
+        for entity in entities or [self.space.add_point(point, dxfattribs=on) for point in points]:
+            entity.set_xdata(APP, _extended_data(part))
 
-    def sheets(self, rows: Sequence[tuple[RowParts, RowMap]], corner: Floats) -> None:
-        """The drawings of all rows, side by side, right of and below a corner (2,)."""
-        for parts, row in rows:
-            corner = corner + np.array([self._sheet(parts, row, corner) + APART_M, 0.0])
-
-    def _sheet(self, parts: RowParts, row: RowMap, corner: Floats) -> float:
-        """The drawings of a row: title, elevation, plan with what of its depths is assumed. How wide they are, m."""
-        front, above = elevation(row), plan(row)
-        (low, high), (near, far) = reach(front), reach(above)
+    def sheet(self, parts: RowParts, row: RowMap, corner: Floats) -> float:
+        """The drawings of a row right of and below a corner (2,): title, elevation, plan with what of its depths is
+        assumed. How wide they are, m."""
+        front, above = list(_shapes(row, (0, 1), 1.0)), list(_shapes(row, (0, 2), -1.0))
+        (low, high), (near, far) = _corners(front), _corners(above)
         left = min(low[0], near[0])
         start = corner - [left, high[1] + TITLE_M + CHAIN_M]
         self._text(f"row {parts.name}", TITLE_M, corner - [0.0, TITLE_M])
         for shape in front:
             self._outline("ELEVATION", shape, start)
-            self._caption(shape, start)
+            place = tuple(start + (shape.points.min(axis=0) + shape.points.max(axis=0)) / 2)
+            caption = drawn_text(shape.structure.id)
+            text = self.space.add_text(caption, dxfattribs={"layer": "TEXT", "height": TEXT_M})
+            text.dxf.update({"halign": 1, "valign": 2, "insert": place, "align_point": place})
         for dimension in dimensions(row, min(low[1], 0.0) - CHAIN_M, CHAIN_M):
             self._dimension(dimension, start)
-        beneath = start + np.array([0.0, min(low[1], 0.0) - 2 * CHAIN_M - APART_M - far[1]])
+        beneath = start + np.array([0.0, min(low[1], 0.0) - 2 * CHAIN_M - BETWEEN_M - far[1]])
         for shape in above:
             self._outline("PLAN", shape, beneath)
         if note := depth_note([parts]):
@@ -169,12 +258,6 @@ class _Drawing:
         on = {"layer": "TEXT", "height": height}
         self.space.add_text(drawn_text(text, longest), dxfattribs=on).set_placement(tuple(place))
 
-    def _caption(self, shape: Shape, start: Floats) -> None:
-        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
-        place = tuple(start + (low + high) / 2)
-        text = self.space.add_text(drawn_text(shape.structure.id), dxfattribs={"layer": "TEXT", "height": TEXT_M})
-        text.dxf.update({"halign": 1, "valign": 2, "insert": place, "align_point": place})
-
     def _dimension(self, dimension: Dimension, start: Floats) -> None:
         line = (dimension.line, 0.0) if dimension.upright else (0.0, dimension.line)
         self.space.add_linear_dim(
@@ -189,21 +272,16 @@ class _Drawing:
     def _layer(self, kind: str, structure: Structure) -> dict[str, str]:
         return {"layer": f"{kind} {self.layers[structure.label]}"}
 
-    def _told(self, entity: Any, part: Part) -> None:
-        """Say of an entity what it is part of: row, plugin, id, label, whether the depth is assumed, and the largest
-        sigma, m."""
-        texts = [part.row, part.plugin, part.structure.id, part.structure.label]
-        spread = sigmas(part.structure)
-        data: list[tuple[int, str | int | float]] = [(1000, _data(text)) for text in texts]
-        data += [(1070, int(part.assumed)), (1040, float(spread.max()) if spread.size else 0.0)]
-        if text := str(part.structure.attributes.get("text", "")):
-            data.append((1000, _data(text)))
-        entity.set_xdata(APP, data)
 
+def _extended_data(part: Part) -> list[tuple[int, str | int | float]]:
+    """What an entity is part of: row, plugin, id, label, whether the depth is assumed, the largest sigma, m, and what
+    is written on it."""
 
-def _layer_name(label: str) -> str:
-    return NO_LAYER_LETTERS.sub("_", visible(label))[:LONGEST_LAYER] or "_"
+    def data(text: str) -> tuple[int, str]:
+        return 1000, drawn_text(text, LONGEST_DATA).encode()[:LONGEST_DATA].decode("utf-8", "ignore")
 
-
-def _data(text: str) -> str:
-    return drawn_text(text, LONGEST_DATA).encode()[:LONGEST_DATA].decode("utf-8", "ignore")
+    structure, spread = part.structure, sigmas(part.structure)
+    names = [data(text) for text in (part.row, part.plugin, structure.id, structure.label)]
+    text = str(structure.attributes.get("text", ""))
+    figures = [(1070, int(part.assumed)), (1040, float(spread.max()) if spread.size else 0.0)]
+    return [*names, *figures, *([data(text)] if text else [])]

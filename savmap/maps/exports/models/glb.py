@@ -6,8 +6,7 @@ middle. What is known of a structure beside its shape is in its node's `extras`.
 
 import json
 import struct
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import numpy as np
 from savmap.files.atomic import write_bytes
 from savmap.files.texts import json_visible
 from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas
-from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
+from savmap.maps.exports.models.bodies import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, Ints, SiteMap
 
 SCENE_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
@@ -43,7 +42,9 @@ def glb_of(site: SiteMap) -> bytes:
         tops.append(len(nodes))
         nodes.append(_row_node(site, row, len(nodes)))
         for part in row.parts:
-            place = _middle(part, row.origin) - row.origin
+            points = part.structure.vertices if part.body is None else part.body.points
+            middle = (points.min(axis=0) + points.max(axis=0)) / 2 if len(points) else row.origin
+            place = middle - row.origin
             mesh = _mesh(part, row.origin + place, list(palette).index(part.structure.label), binary)
             nodes.append(_part_node(part, place) | ({"mesh": len(meshes)} if mesh else {}))
             meshes += [mesh] if mesh else []
@@ -56,7 +57,16 @@ def glb_of(site: SiteMap) -> bytes:
         "materials": [_material(label, colour) for label, colour in palette.items()] if meshes else [],
         **binary.entries(),
     }
-    return _file(_filled(content), binary.content())
+    text = json_visible(json.dumps(_filled(content), ensure_ascii=False, allow_nan=False, separators=(",", ":")))
+    body = _chunk(JSON_CHUNK, text.encode(), b" ")
+    if binary.accessors:
+        body += _chunk(BINARY_CHUNK, bytes(binary.corners + binary.numbers), b"\0")
+    return struct.pack("<III", MAGIC, 2, 12 + len(body)) + body
+
+
+def _chunk(kind: int, content: bytes, filler: bytes) -> bytes:
+    padded = content + filler * (-len(content) % 4)
+    return struct.pack("<II", len(padded), kind) + padded
 
 
 def in_scene(points: Floats) -> Floats:
@@ -65,88 +75,59 @@ def in_scene(points: Floats) -> Floats:
     return turned
 
 
-@dataclass
 class _Binary:
-    """The binary part as it grows: accessors, and the bytes of corners and of numbers."""
+    """The binary part as it grows: accessors, and the bytes of corners and of numbers, each of which takes four."""
 
-    accessors: list[Entry] = field(default_factory=list)
-    corners: bytearray = field(default_factory=bytearray)
-    numbers: bytearray = field(default_factory=bytearray)
+    def __init__(self) -> None:
+        self.accessors = list[Entry]()
+        self.corners, self.numbers = bytearray(), bytearray()
 
     def add_corners(self, points: Floats, bounds: bool) -> int:
         """The accessor's number of vectors (n, 3). `bounds`: whether it says how far they reach, as positions' must."""
         values = points.astype("<f4")
-        entry = {
-            "bufferView": 0,
-            "byteOffset": len(self.corners),
-            "componentType": FLOAT,
-            "count": len(values),
-            "type": "VEC3",
-        }
-        if bounds:
-            entry |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        reach = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()} if bounds else {}
+        kind = {"componentType": FLOAT, "count": len(values), "type": "VEC3"}
+        self.accessors.append({"bufferView": 0, "byteOffset": len(self.corners), **kind, **reach})
         self.corners += values.tobytes()
-        return self._added(entry)
+        return len(self.accessors) - 1
 
     def add_numbers(self, numbers: Ints) -> int:
         """The accessor's number of the numbers of corners."""
         values = numbers.astype("<u4").ravel()
-        entry = {
-            "bufferView": 1,
-            "byteOffset": len(self.numbers),
-            "componentType": UNSIGNED_INT,
-            "count": len(values),
-            "type": "SCALAR",
-        }
+        kind = {"componentType": UNSIGNED_INT, "count": len(values), "type": "SCALAR"}
+        self.accessors.append({"bufferView": 1, "byteOffset": len(self.numbers), **kind})
         self.numbers += values.tobytes()
-        return self._added(entry)
-
-    def content(self) -> bytes:
-        """All bytes; each number takes four, so that all are aligned."""
-        return bytes(self.corners + self.numbers)
+        return len(self.accessors) - 1
 
     def entries(self) -> Entry:
         """What the JSON part says of the binary one."""
         if not self.accessors:
             return {}
-        views = [{"buffer": 0, "byteOffset": 0, "byteLength": len(self.corners), "byteStride": 12, "target": CORNERS}]
-        if self.numbers:
-            views += [
-                {"buffer": 0, "byteOffset": len(self.corners), "byteLength": len(self.numbers), "target": NUMBERS}
-            ]
-        whole = len(self.corners) + len(self.numbers)
-        return {"accessors": self.accessors, "bufferViews": views, "buffers": [{"byteLength": whole}]}
-
-    def _added(self, entry: Entry) -> int:
-        self.accessors.append(entry)
-        return len(self.accessors) - 1
-
-
-def _middle(part: Part, origin: Floats) -> Floats:
-    """The middle (3,) m of the box around a structure's shape, in the world; its row's origin for one without."""
-    points = part.structure.vertices if part.body is None else part.body.points
-    if not len(points):
-        return origin
-    middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle
+        first, second = len(self.corners), len(self.numbers)
+        views = [{"buffer": 0, "byteOffset": 0, "byteLength": first, "byteStride": 12, "target": CORNERS}]
+        if second:
+            views.append({"buffer": 0, "byteOffset": first, "byteLength": second, "target": NUMBERS})
+        return {"accessors": self.accessors, "bufferViews": views, "buffers": [{"byteLength": first + second}]}
 
 
 def _mesh(part: Part, origin: Floats, material: int, binary: _Binary) -> Entry | None:
-    """A structure's shape around its origin (3,) m in the world: its body, or its edges, or its vertices; None where it
-    has none of them."""
-    thing = part.structure
+    """A structure's shape around its origin (3,) m in the world: its body, or its edges, or its vertices, if any."""
+    structure = part.structure
+    primitive: Entry
     if part.body is not None:
         points, normals, triangles = part.body.flat_faces()
         shape = {"POSITION": binary.add_corners(in_scene(points - origin), True)}
         shape |= {"NORMAL": binary.add_corners(in_scene(normals), False)}
         primitive = {"attributes": shape, "indices": binary.add_numbers(triangles), "mode": TRIANGLES}
-    elif not len(thing.vertices):
+    elif not len(structure.vertices):
         return None
     else:
-        primitive = {"attributes": {"POSITION": binary.add_corners(in_scene(thing.vertices - origin), True)}}
-        lines = len(thing.edges) > 0
-        primitive |= {"indices": binary.add_numbers(thing.edges), "mode": LINES} if lines else {"mode": POINTS}
-    return {"name": thing.id, "primitives": [primitive | {"material": material}]}
+        primitive = {"attributes": {"POSITION": binary.add_corners(in_scene(structure.vertices - origin), True)}}
+        if len(structure.edges):
+            primitive |= {"indices": binary.add_numbers(structure.edges), "mode": LINES}
+        else:
+            primitive |= {"mode": POINTS}
+    return {"name": structure.id, "primitives": [primitive | {"material": material}]}
 
 
 def _row_node(site: SiteMap, row: RowParts, number: int) -> Entry:
@@ -159,27 +140,25 @@ def _row_node(site: SiteMap, row: RowParts, number: int) -> Entry:
 
 def _part_node(part: Part, place: Floats) -> Entry:
     """A structure's node at its place (3,) m from its row's origin."""
-    thing = part.structure
-    spread = sigmas(thing) @ np.abs(SCENE_FROM_WORLD.T)
+    structure = part.structure
+    positions, spread = in_scene(structure.vertices), sigmas(structure) @ np.abs(SCENE_FROM_WORLD.T)
     vertices = [
-        {"label": label, "position_m": place, "sigma_m": sigma}
-        for label, place, sigma in zip(
-            thing.vertex_labels, _rounded(in_scene(thing.vertices)), _rounded(spread), strict=True
-        )
+        {"label": label, "position_m": position, "sigma_m": sigma}
+        for label, position, sigma in zip(structure.vertex_labels, *map(_rounded, (positions, spread)), strict=True)
     ]
     extras = {
         "row": part.row,
         "plugin": part.plugin,
-        "id": thing.id,
-        "label": thing.label,
-        "attributes": attributes(thing),
+        "id": structure.id,
+        "label": structure.label,
+        "attributes": attributes(structure),
         "vertices": vertices,
         "ifc_class": part.ifc_class,
         "doubts": list(part.doubts),
     }
     assumed = {} if part.body is None else {"depth_assumed": part.assumed}
-    stands = {"translation": [float(value) for value in in_scene(place)]}
-    return {"name": thing.id, **stands, "extras": _filled(extras) | assumed}
+    translation = [float(value) for value in in_scene(place)]
+    return {"name": structure.id, "translation": translation, "extras": _filled(extras) | assumed}
 
 
 def _material(label: str, colour: str) -> Entry:
@@ -195,18 +174,3 @@ def _rounded(values: Floats) -> list[list[float]]:
 def _filled(entry: Mapping[str, Any]) -> Entry:
     """Without what is empty, which glTF does not allow."""
     return {name: value for name, value in entry.items() if value not in ([], {}, "")}
-
-
-def _file(content: Entry, binary: bytes) -> bytes:
-    text = json_visible(json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))).encode()
-    chunks = [(JSON_CHUNK, _padded(text, b" "))] + ([(BINARY_CHUNK, _padded(binary, b"\0"))] if binary else [])
-    body = b"".join(_chunks(chunks))
-    return struct.pack("<III", MAGIC, 2, 12 + len(body)) + body
-
-
-def _chunks(chunks: Sequence[tuple[int, bytes]]) -> Iterable[bytes]:
-    return (struct.pack("<II", len(content), kind) + content for kind, content in chunks)
-
-
-def _padded(content: bytes, filler: bytes) -> bytes:
-    return content + filler * (-len(content) % 4)

@@ -8,7 +8,6 @@ export.
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid5
@@ -19,8 +18,7 @@ from savmap.files.atomic import write_text
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
 from savmap.maps.exports.marks import attributes, bytes_of, colours, maker, sigmas, unique
-from savmap.maps.exports.models.bodies import Body
-from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
+from savmap.maps.exports.models.bodies import Body, Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, SiteMap
 
 NAMESPACE = UUID("5c3c2f43-5a0b-5d6e-9b55-0a6d1f1b7c21")
@@ -64,56 +62,58 @@ def ifc_text(site: SiteMap, schema: str) -> str:
     header.file_description.description = ("ViewDefinition [notYetAssigned]",)
     header.file_name.time_stamp = NO_TIME
     header.file_name.preprocessor_version = header.file_name.originating_system = maker()
-    classes = _ElementClasses(ifcopenshell.schema_by_name(file.schema_identifier))
-    _Model(file, classes, ifcopenshell.guid.compress).build(site, rows)
+    schema_of_file = ifcopenshell.schema_by_name(file.schema_identifier)
+    _Model(file, schema_of_file, ifcopenshell.guid.compress).build(site, rows)
     text: str = file.to_string()
     return text
-
-
-@dataclass
-class _Styles:
-    """The styles of one label: of surfaces and of curves."""
-
-    surface: Entity
-    curve: Entity
 
 
 class _Model:
     """An IFC file as it grows."""
 
-    def __init__(self, file: Any, classes: "_ElementClasses", compress: Callable[[str], str]) -> None:
-        self.file, self.classes, self.compress = file, classes, compress
+    def __init__(self, file: Any, schema: Any, compress: Callable[[str], str]) -> None:
+        self.file, self.schema, self.compress = file, schema, compress
+        self.make: Callable[..., Entity] = file.create_entity
+        self.classes = dict[str, str]()
 
     def build(self, site: SiteMap, rows: Sequence[RowParts]) -> None:
         """Everything from the project to the last element."""
-        make = self.file.create_entity
-        self.axes = make("IfcAxis2Placement3D", self.point((0.0, 0.0, 0.0)))
-        context = make("IfcGeometricRepresentationContext", None, "Model", 3, 1e-5, self.axes)
+        self.axes = self.make("IfcAxis2Placement3D", self.point((0.0, 0.0, 0.0)))
+        context = self.make("IfcGeometricRepresentationContext", None, "Model", 3, 1e-5, self.axes)
         self.contexts = {
-            name: make("IfcGeometricRepresentationSubContext", name, "Model", ParentContext=context, TargetView=view)
+            name: self.make(
+                "IfcGeometricRepresentationSubContext", name, "Model", ParentContext=context, TargetView=view
+            )
             for name, view in (("Body", "MODEL_VIEW"), ("Axis", "GRAPH_VIEW"))
         }
         palette = colours(part.structure.label for row in rows for part in row.parts)
-        self.styles = {label: self.style(label, colour) for label, colour in palette.items()}
-        units = make("IfcUnitAssignment", [make("IfcSIUnit", UnitType=kind, Name=name) for kind, name in UNITS])
+        self.styles = {label: self.styles_of(label, colour) for label, colour in palette.items()}
+        units = self.make(
+            "IfcUnitAssignment", [self.make("IfcSIUnit", UnitType=kind, Name=name) for kind, name in UNITS]
+        )
         names = json.dumps(sorted(site.rows))
-        project = make("IfcProject", self.guid("project", names), Name="Map", UnitsInContext=units)
+        project = self.make("IfcProject", self.guid("project", names), Name="Map", UnitsInContext=units)
         project.RepresentationContexts = [context]
         project.Description = _text(depth_note(rows)) or None
         storey = self.place_of_rows(site, project, names)
         assemblies = [self.row(site, row, storey) for row in rows]
         if assemblies:
             guid = self.guid("contained", names)
-            make("IfcRelContainedInSpatialStructure", guid, RelatedElements=assemblies, RelatingStructure=storey)
+            self.make("IfcRelContainedInSpatialStructure", guid, RelatedElements=assemblies, RelatingStructure=storey)
+
+    def styles_of(self, label: str, colour: str) -> tuple[Entity, Entity]:
+        """The styles of a label's surfaces and curves."""
+        shade = self.make("IfcColourRgb", None, *(value / 255 for value in bytes_of(colour)))
+        surface = self.make("IfcSurfaceStyle", _label(label), "BOTH", [self.make("IfcSurfaceStyleShading", shade)])
+        return surface, self.make("IfcCurveStyle", Name=_label(label), CurveColour=shade)
 
     def place_of_rows(self, site: SiteMap, project: Entity, names: str) -> Entity:
         """Site, building and storey, of which nothing is known but where the site is on Earth, and that perhaps."""
         whole, placement = project, None
         for kind in ("Site", "Building", "BuildingStorey"):
-            placement = self.file.create_entity("IfcLocalPlacement", placement, self.axes)
-            part = self.file.create_entity(
-                f"Ifc{kind}", self.guid(kind, names), Name=kind, ObjectPlacement=placement, CompositionType="ELEMENT"
-            )
+            placement = self.make("IfcLocalPlacement", placement, self.axes)
+            guid = self.guid(kind, names)
+            part = self.make(f"Ifc{kind}", guid, Name=kind, ObjectPlacement=placement, CompositionType="ELEMENT")
             if kind == "Site" and site.alignment and site.alignment.anchor:
                 part.RefLatitude, part.RefLongitude = map(_compound, site.alignment.anchor)
             self.aggregate(whole, [part], kind, names)
@@ -122,9 +122,9 @@ class _Model:
 
     def row(self, site: SiteMap, row: RowParts, storey: Entity) -> Entity:
         """A row's assembly with its elements."""
-        axes = self.file.create_entity("IfcAxis2Placement3D", self.point(row.origin))
-        placement = self.file.create_entity("IfcLocalPlacement", storey.ObjectPlacement, axes)
-        assembly = self.file.create_entity(
+        axes = self.make("IfcAxis2Placement3D", self.point(row.origin))
+        placement = self.make("IfcLocalPlacement", storey.ObjectPlacement, axes)
+        assembly = self.make(
             "IfcElementAssembly",
             self.guid("row", row.name),
             Name=_label(row.name),
@@ -136,55 +136,78 @@ class _Model:
         parts = [self.element(part, row, placement, key) for part, key in zip(row.parts, keys, strict=True)]
         self.aggregate(assembly, parts, "parts", row.name)
         verdict = site.rows[row.name].verdict
-        known: dict[str, Any] = {"Row": row.name} | ({"Grade": verdict.grade} if verdict else {})
-        self.describe(assembly, "Savmap", known, row.name)
+        facts: dict[str, Any] = {"Row": row.name} | ({"Grade": verdict.grade} if verdict else {})
+        self.describe(assembly, "Savmap", facts, row.name)
         return assembly
 
     def element(self, part: Part, row: RowParts, whole: Entity, key: str) -> Entity:
         """A structure's element, with its shape and what is known of it. `whole`: the row's placement; `key`: its name
         in the row."""
-        thing = part.structure
+        structure = part.structure
         axes, shapes = self.shape(part, row.origin)
-        product = self.file.create_entity(
-            self.classes.best(part.ifc_class),
+        product = self.make(
+            self.element_class(part.ifc_class),
             self.guid("element", row.name, key),
-            Name=_label(thing.id),
-            ObjectType=_label(thing.label) or None,
-            ObjectPlacement=self.file.create_entity("IfcLocalPlacement", whole, axes),
-            Tag=_label(thing.id),
+            Name=_label(structure.id),
+            ObjectType=_label(structure.label) or None,
+            ObjectPlacement=self.make("IfcLocalPlacement", whole, axes),
+            Tag=_label(structure.id),
         )
         if shapes:
-            product.Representation = self.file.create_entity("IfcProductDefinitionShape", Representations=shapes)
-        self.describe(product, "Savmap", _known(part), row.name, key)
-        plain = attributes(thing)
-        names = unique([_label(name) for name in plain])
-        self.describe(product, "Savmap_Attributes", dict(zip(names, plain.values(), strict=True)), row.name, key)
+            product.Representation = self.make("IfcProductDefinitionShape", Representations=shapes)
+        spread = sigmas(structure)
+        facts = {
+            "Row": part.row,
+            "Plugin": part.plugin,
+            "Id": structure.id,
+            "Label": structure.label,
+            "DepthAssumed": None if part.body is None else part.assumed,
+            "Doubts": list(part.doubts),
+            "VertexLabels": list(structure.vertex_labels),
+            **{f"Vertex{axis}": structure.vertices[:, k].round(6).tolist() for k, axis in enumerate("XYZ")},
+            **{f"Sigma{axis}": spread[:, k].round(6).tolist() for k, axis in enumerate("XYZ")},
+        }
+        self.describe(product, "Savmap", facts, row.name, key)
+        values = attributes(structure)
+        names = unique([_label(name) for name in values])
+        self.describe(product, "Savmap_Attributes", dict(zip(names, values.values(), strict=True)), row.name, key)
         return product
+
+    def element_class(self, name: str) -> str:
+        """This class, or that of proxies where the schema has none of this name for elements that are made of names and
+        shapes alone."""
+        if name not in self.classes:
+            try:
+                entity = self.schema.declaration_by_name(name).as_entity()
+            except RuntimeError:
+                entity = None
+            fits = entity is not None and not entity.is_abstract()
+            fits = fits and entity._is("IfcElement") and not entity._is("IfcFeatureElement")
+            fits = fits and all(attribute.optional() for attribute in entity.all_attributes()[1:])
+            self.classes[name] = name if fits else PROXY
+        return self.classes[name]
 
     def shape(self, part: Part, origin: Floats) -> tuple[Entity, list[Entity]]:
         """Where a structure's element stands from its row's origin, and its shape there."""
-        thing, styles = part.structure, self.styles[part.structure.label]
+        structure, (surface, curve) = part.structure, self.styles[part.structure.label]
         if part.body is not None and part.body.flatness_m() < FLAT_M:
-            return self.extruded(part.body, origin, styles)
+            return self.extruded(part.body, origin, surface)
         if part.body is not None:
-            points = self.file.create_entity("IfcCartesianPointList3D", _listed(part.body.points - origin))
-            corners = [[k + 1 for k in corner] for corner in part.body.triangles.tolist()]
-            item = self.file.create_entity(
-                "IfcTriangulatedFaceSet", Coordinates=points, Closed=True, CoordIndex=corners
-            )
-            return self.axes, [self.representation("Body", "Tessellation", item, styles.surface)]
-        points = [self.point(vertex) for vertex in thing.vertices - origin]
-        if len(thing.edges):
-            lines = [self.file.create_entity("IfcPolyline", [points[a], points[b]]) for a, b in thing.edges.tolist()]
-            item = self.file.create_entity("IfcGeometricCurveSet", lines)
-            return self.axes, [self.representation("Axis", "GeometricCurveSet", item, styles.curve)]
+            corners = [_numbers(point) for point in part.body.points - origin]
+            points = self.make("IfcCartesianPointList3D", corners)
+            index = (part.body.triangles + 1).tolist()
+            item = self.make("IfcTriangulatedFaceSet", Coordinates=points, Closed=True, CoordIndex=index)
+            return self.axes, [self.representation("Body", "Tessellation", item, surface)]
+        points = [self.point(vertex) for vertex in structure.vertices - origin]
+        if len(structure.edges):
+            lines = [self.make("IfcPolyline", [points[a], points[b]]) for a, b in structure.edges.tolist()]
+            item = self.make("IfcGeometricCurveSet", lines)
+            return self.axes, [self.representation("Axis", "GeometricCurveSet", item, curve)]
         if not points:
             return self.axes, []
-        return self.axes, [
-            self.representation("Axis", "GeometricSet", self.file.create_entity("IfcGeometricSet", points))
-        ]
+        return self.axes, [self.representation("Axis", "GeometricSet", self.make("IfcGeometricSet", points))]
 
-    def extruded(self, body: Body, origin: Floats, styles: _Styles) -> tuple[Entity, list[Entity]]:
+    def extruded(self, body: Body, origin: Floats, style: Entity) -> tuple[Entity, list[Entity]]:
         """A body as an area pushed along its depth: the element's z axis looks into it, its x axis is one of the
         outline's sides."""
         outline = body.outline[::-1]
@@ -192,41 +215,31 @@ class _Model:
         x = x - (x @ z) * z
         x /= np.linalg.norm(x)
         frame = np.stack([x, np.cross(z, x), z])
-        make = self.file.create_entity
-        direction = [make("IfcDirection", _numbers(axis)) for axis in (z, x)]
-        axes = make("IfcAxis2Placement3D", self.point(outline[0] - origin), *direction)
-        flat = (outline - outline[0]) @ frame.T
-        corners = [make("IfcCartesianPoint", _numbers(corner[:2])) for corner in flat]
-        area = make("IfcArbitraryClosedProfileDef", "AREA", None, make("IfcPolyline", [*corners, corners[0]]))
+        direction = [self.make("IfcDirection", _numbers(axis)) for axis in (z, x)]
+        axes = self.make("IfcAxis2Placement3D", self.point(outline[0] - origin), *direction)
+        corners = [self.point(corner[:2]) for corner in (outline - outline[0]) @ frame.T]
+        line = self.make("IfcPolyline", [*corners, corners[0]])
+        area = self.make("IfcArbitraryClosedProfileDef", "AREA", None, line)
         length = float(np.linalg.norm(body.depth))
-        way = make("IfcDirection", _numbers(frame @ body.depth / length))
-        item = make("IfcExtrudedAreaSolid", SweptArea=area, ExtrudedDirection=way, Depth=length)
-        return axes, [self.representation("Body", "SweptSolid", item, styles.surface)]
+        way = self.make("IfcDirection", _numbers(frame @ body.depth / length))
+        item = self.make("IfcExtrudedAreaSolid", SweptArea=area, ExtrudedDirection=way, Depth=length)
+        return axes, [self.representation("Body", "SweptSolid", item, style)]
 
     def representation(self, name: str, kind: str, item: Entity, style: Entity = None) -> Entity:
         """A shape of one item in the context of this name."""
         if style is not None:
-            self.file.create_entity("IfcStyledItem", item, [style])
-        return self.file.create_entity("IfcShapeRepresentation", self.contexts[name], name, kind, [item])
+            self.make("IfcStyledItem", item, [style])
+        return self.make("IfcShapeRepresentation", self.contexts[name], name, kind, [item])
 
-    def style(self, label: str, colour: str) -> _Styles:
-        """The styles of a label's colour."""
-        make = self.file.create_entity
-        shade = make("IfcColourRgb", None, *(value / 255 for value in bytes_of(colour)))
-        surface = make("IfcSurfaceStyle", _label(label), "BOTH", [make("IfcSurfaceStyleShading", shade)])
-        return _Styles(surface, make("IfcCurveStyle", Name=_label(label), CurveColour=shade))
-
-    def describe(self, thing: Entity, name: str, known: Mapping[str, Any], *key: str) -> None:
+    def describe(self, element: Entity, name: str, facts: Mapping[str, Any], *key: str) -> None:
         """A property set for an element, where something is known."""
-        properties = [self.property(*entry) for entry in known.items() if entry[1] not in ("", [], None)]
+        properties = [self.property(*entry) for entry in facts.items() if entry[1] not in ("", [], None)]
         if properties:
-            properties_of = self.file.create_entity(
-                "IfcPropertySet", self.guid(name, *key), Name=name, HasProperties=properties
-            )
-            self.file.create_entity(
+            properties_of = self.make("IfcPropertySet", self.guid(name, *key), Name=name, HasProperties=properties)
+            self.make(
                 "IfcRelDefinesByProperties",
                 self.guid(f"{name} defines", *key),
-                RelatedObjects=[thing],
+                RelatedObjects=[element],
                 RelatingPropertyDefinition=properties_of,
             )
 
@@ -235,27 +248,22 @@ class _Model:
         texts."""
         if isinstance(value, list):
             lengths = isinstance(value[0], float)
-            given = value if lengths else [_text(one) for one in value]
+            given = value if lengths else [_text(text) for text in value]
             kind = "IfcLengthMeasure" if lengths else _text_type(given)
-            values = [self.file.create_entity(kind, one) for one in given]
-            return self.file.create_entity("IfcPropertyListValue", name, ListValues=values)
-        return self.file.create_entity("IfcPropertySingleValue", name, NominalValue=self.value(value))
-
-    def value(self, value: bool | float | int | str) -> Entity:
-        """A value with its type."""
+            return self.make("IfcPropertyListValue", name, ListValues=[self.make(kind, item) for item in given])
         if isinstance(value, bool):
-            return self.file.create_entity("IfcBoolean", value)
-        if isinstance(value, str):
-            text = _text(value)
-            return self.file.create_entity(_text_type([text]), text)
-        if isinstance(value, int) and abs(value) < 2**31:
-            return self.file.create_entity("IfcInteger", value)
-        return self.file.create_entity("IfcReal", float(value))
+            nominal = self.make("IfcBoolean", value)
+        elif isinstance(value, str):
+            nominal = self.make(_text_type([_text(value)]), _text(value))
+        elif isinstance(value, int) and abs(value) < 2**31:
+            nominal = self.make("IfcInteger", value)
+        else:
+            nominal = self.make("IfcReal", float(value))
+        return self.make("IfcPropertySingleValue", name, NominalValue=nominal)
 
     def aggregate(self, whole: Entity, parts: Sequence[Entity], *key: str) -> None:
         """Say of which parts a whole consists."""
-        guid = self.guid("aggregates", *key)
-        self.file.create_entity("IfcRelAggregates", guid, RelatingObject=whole, RelatedObjects=list(parts))
+        self.make("IfcRelAggregates", self.guid("aggregates", *key), RelatingObject=whole, RelatedObjects=list(parts))
 
     def guid(self, *key: str) -> str:
         """The identifier that is made of these names."""
@@ -264,46 +272,7 @@ class _Model:
 
     def point(self, place: Iterable[float]) -> Entity:
         """A point (2) or (3)."""
-        return self.file.create_entity("IfcCartesianPoint", _numbers(place))
-
-
-class _ElementClasses:
-    """The classes of a schema that an element may have that is made of names and shapes alone."""
-
-    def __init__(self, schema: Any) -> None:
-        self.schema = schema
-        self.known = dict[str, str]()
-
-    def best(self, name: str) -> str:
-        """This class, or that of proxies where the schema has none of this name for elements."""
-        if name not in self.known:
-            self.known[name] = name if self._fits(name) else PROXY
-        return self.known[name]
-
-    def _fits(self, name: str) -> bool:
-        try:
-            entity = self.schema.declaration_by_name(name).as_entity()
-        except RuntimeError:
-            return False
-        if entity is None or entity.is_abstract() or not entity._is("IfcElement") or entity._is("IfcFeatureElement"):
-            return False
-        return all(one.optional() for one in entity.all_attributes()[1:])
-
-
-def _known(part: Part) -> dict[str, Any]:
-    thing = part.structure
-    spread = sigmas(thing)
-    return {
-        "Row": part.row,
-        "Plugin": part.plugin,
-        "Id": thing.id,
-        "Label": thing.label,
-        "DepthAssumed": None if part.body is None else part.assumed,
-        "Doubts": list(part.doubts),
-        "VertexLabels": list(thing.vertex_labels),
-        **{f"Vertex{axis.upper()}": thing.vertices[:, k].round(6).tolist() for k, axis in enumerate("xyz")},
-        **{f"Sigma{axis.upper()}": spread[:, k].round(6).tolist() for k, axis in enumerate("xyz")},
-    }
+        return self.make("IfcCartesianPoint", _numbers(place))
 
 
 def _compound(degrees: float) -> list[int]:
@@ -324,10 +293,6 @@ def _text_type(texts: Sequence[str]) -> str:
 
 def _text(text: str) -> str:
     return SURROGATES.sub("\ufffd", text).replace("\x00", "\ufffd")
-
-
-def _listed(points: Floats) -> list[list[float]]:
-    return [_numbers(point) for point in points]
 
 
 def _numbers(values: Iterable[float]) -> list[float]:

@@ -18,7 +18,7 @@ from savmap.files.atomic import write_bytes
 from savmap.files.texts import SURROGATES
 from savmap.maps.exports import require_library
 from savmap.maps.exports.marks import attributes, colours, linear, maker, sigmas, unique
-from savmap.maps.exports.models.parts import Part, RowParts, depth_note, parts_of
+from savmap.maps.exports.models.bodies import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, SiteMap
 
 THICKNESS_M = 1 / 128
@@ -61,14 +61,14 @@ def usda_text(site: SiteMap) -> str:
     """The text of the stage."""
     rows = parts_of(site)
     palette = colours(part.structure.label for row in rows for part in row.parts)
-    looks = dict(zip(palette, unique([prim_name(label) for label in palette]), strict=True))
+    materials = dict(zip(palette, unique([prim_name(label) for label in palette]), strict=True))
     names = unique(["Looks", *(prim_name(row.name) for row in rows)])[1:]
     lines = ['def Xform "World"', "{", '    def Scope "Looks"', "    {"]
     for label, colour in palette.items():
-        lines += _indented(_indented(_material(looks[label], linear(colour))))
+        lines += _indented(_indented(_material(materials[label], linear(colour))))
     lines += ["    }"]
     for name, row in zip(names, rows, strict=True):
-        lines += ["", *_indented(_row(site, row, name, looks))]
+        lines += ["", *_indented(_row(site, row, name, materials))]
     note = depth_note(rows)
     doc = f"\n    doc = {quoted(note)}" if note else ""
     return "\n".join([HEAD.format(doc=doc, maker=quoted(maker())), *lines, "}", ""])
@@ -83,7 +83,7 @@ def prim_name(text: str) -> str:
 def quoted(text: str) -> str:
     """A text as USD's text files hold it."""
     whole = SURROGATES.sub("\ufffd", text).replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + CONTROL.sub(lambda found: ESCAPES.get(found[0], f"\\{ord(found[0]):03o}"), whole) + '"'
+    return '"' + CONTROL.sub(lambda match: ESCAPES.get(match[0], f"\\{ord(match[0]):03o}"), whole) + '"'
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> Iterator[str]:
@@ -95,7 +95,7 @@ def _material(name: str, colour: tuple[float, float, float]) -> Iterator[str]:
     yield from ("        float inputs:roughness = 0.8", "        token outputs:surface", "    }", "}")
 
 
-def _row(site: SiteMap, row: RowParts, name: str, looks: dict[str, str]) -> Iterator[str]:
+def _row(site: SiteMap, row: RowParts, name: str, materials: dict[str, str]) -> Iterator[str]:
     verdict = site.rows[row.name].verdict
     yield from (f'def Xform "{name}" (', f"    displayName = {quoted(row.name)}", ")", "{")
     yield f"    custom string savmap:row = {quoted(row.name)}"
@@ -106,11 +106,11 @@ def _row(site: SiteMap, row: RowParts, name: str, looks: dict[str, str]) -> Iter
     names = unique([prim_name(part.structure.id) for part in row.parts])
     for prim, part in zip(names, row.parts, strict=True):
         yield ""
-        yield from _indented(_prim(part, row.origin, prim, looks[part.structure.label]))
+        yield from _indented(_prim(part, row.origin, prim, materials[part.structure.label]))
     yield "}"
 
 
-def _prim(part: Part, origin: Floats, name: str, look: str) -> Iterator[str]:
+def _prim(part: Part, origin: Floats, name: str, material: str) -> Iterator[str]:
     kind, schemas, shape = _shape(part, origin)
     applied = ", ".join(f'"{schema}"' for schema in (*schemas, "MaterialBindingAPI", "SemanticsLabelsAPI:class"))
     yield f'def {kind} "{name}" ('
@@ -119,14 +119,14 @@ def _prim(part: Part, origin: Floats, name: str, look: str) -> Iterator[str]:
     yield from (")", "{")
     yield from _indented(shape)
     yield f"    token[] semantics:labels:class = [{quoted(part.structure.label)}]"
-    yield f"    rel material:binding = </World/Looks/{look}>"
-    yield from _indented(_known(part))
+    yield f"    rel material:binding = </World/Looks/{material}>"
+    yield from _indented(_facts(part))
     yield "}"
 
 
 def _shape(part: Part, origin: Floats) -> tuple[str, tuple[str, ...], list[str]]:
     """The kind of prim, the schemas that are applied to it, and what it says of its shape."""
-    thing = part.structure
+    structure = part.structure
     if part.body is not None:
         points, triangles = part.body.points - origin, part.body.triangles
         return (
@@ -134,8 +134,8 @@ def _shape(part: Part, origin: Floats) -> tuple[str, tuple[str, ...], list[str]]
             ("PhysicsCollisionAPI", "PhysicsMeshCollisionAPI"),
             [
                 *_points(points, 0.0),
-                f"int[] faceVertexCounts = [{_listed('3' for _ in triangles)}]",
-                f"int[] faceVertexIndices = [{_listed(map(str, triangles.ravel().tolist()))}]",
+                f"int[] faceVertexCounts = [{', '.join('3' for _ in triangles)}]",
+                f"int[] faceVertexIndices = [{', '.join(map(str, triangles.ravel().tolist()))}]",
                 f"normal3f[] normals = [{_vectors(part.body.normals)}] (",
                 '    interpolation = "uniform"',
                 ")",
@@ -144,12 +144,15 @@ def _shape(part: Part, origin: Floats) -> tuple[str, tuple[str, ...], list[str]]
                 'uniform token physics:approximation = "none"',
             ],
         )
-    if len(thing.edges):
-        ends = thing.vertices[thing.edges.ravel()] - origin
-        lines = ['uniform token type = "linear"', f"int[] curveVertexCounts = [{_listed('2' for _ in thing.edges)}]"]
+    if len(structure.edges):
+        ends = structure.vertices[structure.edges.ravel()] - origin
+        lines = [
+            'uniform token type = "linear"',
+            f"int[] curveVertexCounts = [{', '.join('2' for _ in structure.edges)}]",
+        ]
         return "BasisCurves", (), [*_points(ends, THICKNESS_M), *lines, *_widths()]
-    if len(thing.vertices):
-        return "Points", (), [*_points(thing.vertices - origin, THICKNESS_M), *_widths()]
+    if len(structure.vertices):
+        return "Points", (), [*_points(structure.vertices - origin, THICKNESS_M), *_widths()]
     return "Scope", (), []
 
 
@@ -157,7 +160,7 @@ def _points(points: Floats, thickness: float) -> list[str]:
     single = np.round(points, 6).astype(np.float32)
     half = np.float32(thickness / 2)
     low, high = (
-        f"({_listed(f'{value:.9g}' for value in end)})" for end in (single.min(0) - half, single.max(0) + half)
+        f"({', '.join(f'{value:.9g}' for value in end)})" for end in (single.min(0) - half, single.max(0) + half)
     )
     return [f"float3[] extent = [{low}, {high}]", f"point3f[] points = [{_vectors(points)}]"]
 
@@ -166,22 +169,22 @@ def _widths() -> list[str]:
     return [f"float[] widths = [{THICKNESS_M}] (", '    interpolation = "constant"', ")"]
 
 
-def _known(part: Part) -> Iterator[str]:
+def _facts(part: Part) -> Iterator[str]:
     """What is known of a structure beside its shape. Its vertices are those of the world's frame."""
-    thing = part.structure
-    for name, text in (("row", part.row), ("plugin", part.plugin), ("id", thing.id), ("label", thing.label)):
+    structure = part.structure
+    for name, text in (("row", part.row), ("plugin", part.plugin), ("id", structure.id), ("label", structure.label)):
         yield f"custom string savmap:{name} = {quoted(text)}"
     if part.ifc_class:
         yield f"custom token savmap:ifcClass = {quoted(part.ifc_class)}"
     if part.body is not None:
         yield f"custom bool savmap:depthAssumed = {'true' if part.assumed else 'false'}"
     if part.doubts:
-        yield f"custom string[] savmap:doubts = [{_listed(map(quoted, part.doubts))}]"
-    yield f"custom string[] savmap:vertexLabels = [{_listed(map(quoted, thing.vertex_labels))}]"
-    yield f"custom double3[] savmap:vertices = [{_vectors(thing.vertices)}]"
-    yield f"custom double3[] savmap:sigmas = [{_vectors(sigmas(thing))}]"
-    plain = attributes(thing)
-    for name, value in zip(unique([prim_name(name) for name in plain]), plain.values(), strict=True):
+        yield f"custom string[] savmap:doubts = [{', '.join(map(quoted, part.doubts))}]"
+    yield f"custom string[] savmap:vertexLabels = [{', '.join(map(quoted, structure.vertex_labels))}]"
+    yield f"custom double3[] savmap:vertices = [{_vectors(structure.vertices)}]"
+    yield f"custom double3[] savmap:sigmas = [{_vectors(sigmas(structure))}]"
+    values = attributes(structure)
+    for name, value in zip(unique([prim_name(name) for name in values]), values.values(), strict=True):
         yield f"custom {_typed(f'savmap:attributes:{name}', value)}"
 
 
@@ -194,7 +197,7 @@ def _typed(name: str, value: float | int | str) -> str:
 
 
 def _vectors(points: Floats) -> str:
-    return _listed(map(_vector, points.tolist()))
+    return ", ".join(map(_vector, points.tolist()))
 
 
 def _vector(values: Iterable[float]) -> str:

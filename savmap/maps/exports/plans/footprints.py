@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.errors import visible
-from savmap.maps.exports.frames import Element
+from savmap.maps.exports.frames import Element, elements
 from savmap.maps.exports.hull import hull
 from savmap.maps.exports.marks import IN_BRACKETS, assumed_depths, unique
-from savmap.types import Floats, Solid, array_record
+from savmap.types import Floats, SiteMap, array_record
 
 CLEARANCE_M = 2.5
 """What hangs higher above the floor is in no vehicle's way."""
@@ -21,7 +21,7 @@ LEAST_SIDE_M = 1e-4
 @array_record
 class Footprint:
     """A solid from above: its convex outline (n, 2) m, counter-clockwise, from `bottom_m` to `top_m` in the world.
-    `name` is its own among all. `assumed`: its depth, `depth_m`, was neither measured nor given."""
+    No other has its `name`. `assumed`: its depth, `depth_m`, was neither measured nor given."""
 
     name: str
     row: str
@@ -48,30 +48,31 @@ class Footprint:
         return ends
 
 
-def footprints(elements: Sequence[Element]) -> list[Footprint]:
+def footprints(structures: Sequence[Element]) -> list[Footprint]:
     """The footprints of all elements that have a solid, in their order. Texts are on one line and show what they do."""
-    solids = [(element, element.structure.solid) for element in elements if element.structure.solid is not None]
+    solids = [(element, element.structure.solid) for element in structures if element.structure.solid is not None]
     names = unique([visible(f"{element.row} / {element.structure.id}") for element, _ in solids], form=IN_BRACKETS)
-    return [_footprint(name, element, solid) for name, (element, solid) in zip(names, solids, strict=True) if solid]
+    shapes = []
+    for name, (element, solid) in zip(names, solids, strict=True):
+        corners = np.vstack([solid.outline, solid.outline + solid.depth])
+        structure = element.structure
+        row, plugin, structure_id, label = map(visible, (element.row, element.plugin, structure.id, structure.label))
+        low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
+        depth_m, outline = float(np.linalg.norm(solid.depth)), _thick(hull(corners[:, :2]))
+        shapes.append(Footprint(name, row, plugin, structure_id, label, outline, low, high, depth_m, solid.assumed))
+    return shapes
 
 
-def in_the_way(found: Iterable[Footprint], floor_m: float) -> list[Footprint]:
-    """Those that begin lower than `CLEARANCE_M` above the floor."""
-    return [footprint for footprint in found if footprint.bottom_m < floor_m + CLEARANCE_M]
+def obstacles(site: SiteMap) -> list[Footprint]:
+    """The footprints of what begins lower than `CLEARANCE_M` above the floor. Raises OutputError where rows have no
+    common frame."""
+    floor_m = site.alignment.z_m if site.alignment else 0.0
+    return [footprint for footprint in footprints(elements(site)) if footprint.bottom_m < floor_m + CLEARANCE_M]
 
 
-def depth_note(found: Iterable[Footprint]) -> str:
+def depth_note(shown: Iterable[Footprint]) -> str:
     """What to say of their depths that were neither measured nor given; nothing where there is none."""
-    return assumed_depths((footprint.label, footprint.depth_m) for footprint in found if footprint.assumed)
-
-
-def _footprint(name: str, element: Element, solid: Solid) -> Footprint:
-    corners = np.vstack([solid.outline, solid.outline + solid.depth])
-    structure = element.structure
-    row, plugin, own, label = map(visible, (element.row, element.plugin, structure.id, structure.label))
-    low, high = float(corners[:, 2].min()), float(corners[:, 2].max())
-    depth = float(np.linalg.norm(solid.depth))
-    return Footprint(name, row, plugin, own, label, _thick(hull(corners[:, :2])), low, high, depth, solid.assumed)
+    return assumed_depths((footprint.label, footprint.depth_m) for footprint in shown if footprint.assumed)
 
 
 def _thick(outline: Floats) -> Floats:
@@ -79,5 +80,4 @@ def _thick(outline: Floats) -> Floats:
     spread = outline - outline.mean(axis=0)
     if len(outline) > 2 and np.linalg.svd(spread, compute_uv=False)[-1] > LEAST_SIDE_M / 2:
         return outline
-    square = LEAST_SIDE_M / 2 * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
-    return hull((outline[:, None] + square).reshape(-1, 2))
+    return hull(outline, LEAST_SIDE_M / 2)

@@ -12,10 +12,8 @@ import numpy.typing as npt
 
 from savmap.errors import OutputError
 from savmap.files.yaml_text import dumped
-from savmap.maps.exports.archive import write_archive
-from savmap.maps.exports.frames import elements
-from savmap.maps.exports.json_text import json_text
-from savmap.maps.exports.plans.footprints import Footprint, depth_note, footprints, in_the_way
+from savmap.maps.exports.files import json_text, write_archive
+from savmap.maps.exports.plans.footprints import Footprint, depth_note, obstacles
 from savmap.maps.exports.plans.geojson import feature
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import Floats, SiteMap
@@ -33,34 +31,32 @@ CRS = "urn:ogc:def:crs:EPSG::3857"
 def write_nav2(site: SiteMap, path: Path) -> None:
     """A .zip with keepout.pgm, keepout.yaml, route_graph.geojson and vector_objects.yaml. Raises OutputError, also for
     a site that is too large for a mask."""
-    floor = site.alignment.z_m if site.alignment else 0.0
-    found = in_the_way(footprints(elements(site)), floor)
-    graph = route_graph(site)
-    if not found:
+    solids, graph = obstacles(site), route_graph(site)
+    if not solids:
         raise OutputError("nothing in this map stands in the way: it has no solids near the floor")
-    picture, about = keepout(found, graph.nodes)
+    picture, about = keepout(solids, graph.nodes)
     write_archive(
         path,
         {
             "keepout.pgm": picture,
-            "keepout.yaml": about.encode(),
-            "route_graph.geojson": json_text(route_content(graph)).encode(),
-            "vector_objects.yaml": vector_objects(found).encode(),
+            "keepout.yaml": about,
+            "route_graph.geojson": json_text(route_content(graph)),
+            "vector_objects.yaml": vector_objects(solids),
         },
     )
 
 
-def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
+def keepout(solids: list[Footprint], driven: Floats) -> tuple[bytes, str]:
     """A PGM picture, black where any footprint touches a cell, of all footprints and of places driven (n, 2), and what
     map_server wants to know of it. Raises OutputError."""
-    places = np.vstack([*(footprint.outline for footprint in found), driven])
+    places = np.vstack([*(footprint.outline for footprint in solids), driven])
     origin = np.floor((places.min(axis=0) - MARGIN_M) / RESOLUTION_M) * RESOLUTION_M
     columns, rows = (int(n) for n in np.ceil((places.max(axis=0) + MARGIN_M - origin) / RESOLUTION_M))
     if columns * rows > MOST_CELLS:
         size = f"{columns * RESOLUTION_M:.0f} x {rows * RESOLUTION_M:.0f} m"
         raise OutputError(f"a site of {size} is too large for a mask with cells of {100 * RESOLUTION_M:.0f} cm")
     cells = np.full((rows, columns), FREE, np.uint8)
-    for footprint in found:
+    for footprint in solids:
         _mark(cells, (footprint.outline - origin) / RESOLUTION_M)
     about = {
         "image": "keepout.pgm",
@@ -72,12 +68,12 @@ def keepout(found: list[Footprint], driven: Floats) -> tuple[bytes, str]:
         "free_thresh": 0.25,
     }
     head = f"P5\n{columns} {rows}\n255\n".encode()
-    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(found) + dumped(about)
+    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(solids) + dumped(about)
 
 
-def _remark(found: list[Footprint]) -> str:
+def _remark(solids: list[Footprint]) -> str:
     """A comment of YAML about what is assumed."""
-    note = depth_note(found)
+    note = depth_note(solids)
     return f"# {note}\n" if note else ""
 
 
@@ -115,7 +111,7 @@ def route_content(graph: RouteGraph) -> dict[str, Any]:
     return {"type": "FeatureCollection", "name": "graph", "crs": crs, "features": features}
 
 
-def vector_objects(found: list[Footprint]) -> str:
+def vector_objects(solids: list[Footprint]) -> str:
     """Parameters of the vector object server: a closed, filled polygon for each footprint. Their names are numbers,
     because names of parameters may hold letters, digits and underscores alone; the comments above say which is
     which."""
@@ -127,7 +123,7 @@ def vector_objects(found: list[Footprint]) -> str:
             "value": 100,
             "points": np.round(footprint.outline, DECIMALS).ravel().tolist(),
         }
-        for number, footprint in enumerate(found, start=1)
+        for number, footprint in enumerate(solids, start=1)
     }
     settings = {
         "map_topic": "vo_map",
@@ -142,7 +138,7 @@ def vector_objects(found: list[Footprint]) -> str:
     }
     names = "".join(
         f"# solid_{number}: {footprint.name}{', depth assumed' if footprint.assumed else ''}\n"
-        for number, footprint in enumerate(found, start=1)
+        for number, footprint in enumerate(solids, start=1)
     )
     text = dumped({"vector_object_server": {"ros__parameters": settings}}, flow=None)
-    return _remark(found) + names + text
+    return _remark(solids) + names + text

@@ -4,18 +4,20 @@ A path that comes near another one joins it there; what runs along it is not tak
 driven.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.errors import visible
-from savmap.maps.exports.frames import Drive, drives, world_from_row
+from savmap.maps.exports.frames import Drive, Element, drives, elements, world_from_row
 from savmap.maps.exports.marks import IN_BRACKETS, unique
-from savmap.maps.exports.plans.stations import Station, stations
 from savmap.types import Bools, Floats, SiteMap, array_record
 
+BAY, TEXT = "bay", "text"
+"""Attributes: structures with the same number as their `bay` are one bay; what is written on structures that hang there
+(`bay`, `text`) is its title."""
 MEET_M = 0.5
 """Paths nearer to one another than this are one."""
 LEAST_M = 1.0
@@ -33,6 +35,17 @@ NEAR_M = 0.25
 """A node so near to where a vehicle would stop is where it stops, such as for the bay across the aisle: half of what
 makes two paths one."""
 DECIMALS = 4
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Station:
+    """A bay of a row: the middle of its face (2,) m in the world from above, its name, and what is written there."""
+
+    name: str
+    row: str
+    place: Floats
+    title: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,25 +73,56 @@ def route_graph(site: SiteMap) -> RouteGraph:
             for part in _one_way(piece):
                 paths.add(part, drive.row)
     stops = {station.name: (station, stop) for station in stations(site) if (stop := paths.stop(station)) is not None}
-    lines = [_spaced(line) for line in paths.lines]
     numbers: dict[tuple[float, float], int] = {}
-    rows: list[str] = []
+    names, rows = list[str](), list[str]()
     edges: list[tuple[int, int]] = []
-    for row, line in zip(paths.rows, lines, strict=True):
+    for row, line in zip(paths.rows, map(_spaced, paths.lines), strict=True):
         along = []
-        for x, y in np.round(line, DECIMALS).tolist():
-            if (x, y) not in numbers:
+        for place in line:
+            number = numbers.setdefault(_key(place), len(numbers))
+            along.append(number)
+            if number == len(rows):
                 rows.append(row)
-            along.append(numbers.setdefault((x, y), len(numbers)))
+                names.append(f"{visible(row)} / {rows.count(row)}")
         edges += [(min(a, b), max(a, b)) for a, b in pairwise(along) if a != b]
     nodes = np.array(list(numbers), dtype=np.float64).reshape(-1, 2)
-    ends = {drive.row: _ends(drive, world_from_row(site, drive.row), nodes) for drive in driven if len(nodes)}
+    ends = {}
+    for drive in driven if len(nodes) else ():
+        places = drive.world_from_rig[:, :2, 3]
+        along_x = places @ world_from_row(site, drive.row)[:2, 0]
+        left, right = (places[number] for number in (np.argmin(along_x), np.argmax(along_x)))
+        ends[drive.row] = _nearest_node(nodes, left), _nearest_node(nodes, right)
     before = {name: (station, numbers[_key(stop)]) for name, (station, stop) in stops.items() if _key(stop) in numbers}
-    names = list(_names(rows))
     for name, (_, number) in before.items():
         names[number] = name
-    named = tuple(unique(list(map(visible, names)), form=IN_BRACKETS))
-    return RouteGraph(nodes, named, tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends, before)
+    unique_names = tuple(unique(list(map(visible, names)), form=IN_BRACKETS))
+    return RouteGraph(nodes, unique_names, tuple(map(visible, rows)), tuple(dict.fromkeys(edges)), ends, before)
+
+
+def _nearest_node(nodes: Floats, place: Floats) -> int:
+    return int(np.argmin(np.linalg.norm(nodes - place, axis=1)))
+
+
+def stations(site: SiteMap) -> list[Station]:
+    """All bays, row by row, in the order of their numbers. Raises OutputError where rows have no common frame."""
+    bays: dict[tuple[int, int], list[Element]] = {}
+    titles: dict[tuple[str, str], list[str]] = {}
+    rows = list(site.rows)
+    for element in elements(site):
+        bay, text = (element.structure.attributes.get(name) for name in (BAY, TEXT))
+        if isinstance(bay, int) and len(element.structure.vertices):
+            bays.setdefault((rows.index(element.row), bay), []).append(element)
+        if isinstance(bay, str) and text:
+            titles.setdefault((element.row, bay), []).append(visible(str(text)))
+    return [
+        Station(
+            f"{visible(rows[row])} / {BAY} {number}",
+            rows[row],
+            np.mean([element.structure.vertices[:, :2].mean(axis=0) for element in parts], axis=0),
+            ", ".join(titles.get((rows[row], f"{BAY} {number}"), [])),
+        )
+        for (row, number), parts in sorted(bays.items(), key=lambda item: item[0])
+    ]
 
 
 class _Paths:
@@ -90,17 +134,16 @@ class _Paths:
 
     def add(self, piece: Floats, row: str) -> None:
         """Take of a path what is not there yet, joined to what is there."""
-        apart = self._distances(piece) > MEET_M
-        found = []
-        for first, last in _runs(apart):
+        stretches = []
+        for first, last in _runs(self._distances(piece) > MEET_M):
             stretch = piece[first : last + 1]
             if _length(stretch) < LEAST_M and len(stretch) < len(piece):
                 continue
             before = [self._join(piece[first - 1])] if first else []
             after = [self._join(piece[last + 1])] if last + 1 < len(piece) else []
-            found.append(np.array([*before, *_simplified(stretch), *after]))
-        self.lines += found
-        self.rows += [row] * len(found)
+            stretches.append(np.array([*before, *_simplified(stretch), *after]))
+        self.lines += stretches
+        self.rows += [row] * len(stretches)
 
     def stop(self, station: Station) -> Floats | None:
         """The place on a path nearest to a bay, which becomes a node; None where no path comes near."""
@@ -151,12 +194,16 @@ def _pieces(drive: Drive) -> Iterator[Floats]:
 
 
 def _one_way(path: Floats) -> list[Floats]:
-    """The path (n, 2) in parts, split where it turns back along its main direction or across it: what came back beside
-    the way out can then be told from it. Each part begins where the one before it ends."""
+    """The path (n, 2) in parts, split where it turns back along its main direction or across it: what came back along
+    the way out can then be told from it. Each part begins where the one before it ends; what is shorter than `LEAST_M`
+    stays with what follows."""
     _, _, axes = np.linalg.svd(path - path.mean(axis=0), full_matrices=False)
     parts = [path]
     for axis in axes:
-        parts = [split for part in parts for split in _split(part, _turns(part @ axis))]
+        whole, parts = parts, []
+        for part in whole:
+            turns = [turn for turn in _turns(part @ axis) if _length(part[: turn + 1]) >= LEAST_M]
+            parts += [part[first : last + 1] for first, last in pairwise([0, *turns, len(part) - 1])]
     return parts
 
 
@@ -174,13 +221,6 @@ def _turns(along: Floats) -> list[int]:
             turns.append(low)
             way, high = 1, number
     return turns
-
-
-def _split(path: Floats, turns: Sequence[int]) -> list[Floats]:
-    """The path's parts between the turns, which belong to both sides. What is shorter than `LEAST_M` stays with what
-    follows."""
-    starts = [0, *(turn for turn in turns if _length(path[: turn + 1]) >= LEAST_M)]
-    return [path[first : last + 1] for first, last in pairwise([*starts, len(path) - 1])]
 
 
 def _resampled(path: Floats) -> Floats:
@@ -233,24 +273,6 @@ def _length(path: Floats) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def _ends(drive: Drive, world_from_row: Floats, nodes: Floats) -> tuple[int, int]:
-    """The nodes nearest to where the drive begins and ends along the row's x axis."""
-    places = drive.world_from_rig[:, :2, 3]
-    along = places @ world_from_row[:2, 0]
-    left, right = (
-        int(np.argmin(np.linalg.norm(nodes - places[number], axis=1)))
-        for number in (np.argmin(along), np.argmax(along))
-    )
-    return left, right
-
-
 def _key(place: Floats) -> tuple[float, float]:
     x, y = np.round(place, DECIMALS).tolist()
     return x, y
-
-
-def _names(rows: Sequence[str]) -> Iterator[str]:
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row] = counts.get(row, 0) + 1
-        yield f"{visible(row)} / {counts[row]}"

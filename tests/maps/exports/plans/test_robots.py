@@ -16,13 +16,11 @@ from made_up_hall import HOSTILE, PLACES, hall, plate, row, section, world
 from PIL import Image
 
 from savmap.errors import OutputError
-from savmap.maps.exports.frames import elements
-from savmap.maps.exports.plans.footprints import footprints, in_the_way
-from savmap.maps.exports.plans.lif import write_lif
+from savmap.maps.exports.plans.fleets import write_lif, write_zone_set
+from savmap.maps.exports.plans.footprints import obstacles
 from savmap.maps.exports.plans.nav2 import write_nav2
 from savmap.maps.exports.plans.open_rmf import write_building
 from savmap.maps.exports.plans.routes import route_graph
-from savmap.maps.exports.plans.vda5050 import write_zone_set
 from savmap.types import Alignment, FrameTable, RowMap, SiteMap, Structure, Trajectory
 
 NUMBER, TEXT = {"type": "number"}, {"type": "string", "minLength": 1}
@@ -102,7 +100,7 @@ def unzipped(path: Path) -> dict[str, bytes]:
 
 
 def outlines(site: SiteMap) -> list[np.ndarray]:
-    return [footprint.outline for footprint in in_the_way(footprints(elements(site)), 0.5)]
+    return [footprint.outline for footprint in obstacles(site)]
 
 
 def test_the_keep_out_mask_is_black_where_solids_stand(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from made_up_hall import HOSTILE, hall, row, section, straight, world
 
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.hull import hull
-from savmap.maps.exports.plans.footprints import footprints, in_the_way
+from savmap.maps.exports.plans.footprints import footprints, obstacles
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
 from savmap.types import SiteMap
 
@@ -118,7 +118,7 @@ def test_footprints_are_solids_from_above() -> None:
         assert np.linalg.norm(post.outline - corner, axis=1).min() < 1e-9
     assert (post.bottom_m, post.top_m) == (pytest.approx(0.5), pytest.approx(5.5))
     np.testing.assert_allclose(post.axis, [world(0.05, -1.0), world(0.05, 0.0)], atol=1e-9)
-    low = [footprint.id for footprint in in_the_way(found.values(), 0.5) if footprint.row == "A"]
+    low = [footprint.id for footprint in obstacles(hall()) if footprint.row == "A"]
     assert low == ["post 1", "post 2", "bar 1"]
 
 

@@ -40,21 +40,22 @@ def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not
     placed, and their standard deviations, m, the row's axes along which nothing measured it; last what is written on it
     and what speaks against it. Raises OutputError."""
-    stream, said = io.StringIO(), site.doubts()
+    stream, doubts = io.StringIO(), site.doubts()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
+        frame = "site" if row.name in site.placements else "row"
         for plugin, structures in row.structures.items():
-            frame = "site" if row.name in site.placements else "row"
             for structure in structures:
-                vertices = _vertices(in_site(structure, site.placements.get(row.name)))
-                axes = assumed_axes(structure, plugin, row.joint)
+                placed = in_site(structure, site.placements.get(row.name))
                 start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
                 text = cell(str(structure.attributes.get("text", "")))
-                against = cell(BETWEEN.join(said.get((row.name, structure.id), ())))
-                table.writerows(
-                    (*start, *vertex, own, text, against) for vertex, own in zip(vertices, axes, strict=True)
-                )
+                against = cell(BETWEEN.join(doubts.get((row.name, structure.id), ())))
+                numbers = np.hstack([placed.vertices, sigmas(placed)])
+                axes = assumed_axes(structure, plugin, row.joint)
+                for label, values, assumed in zip(placed.vertex_labels, numbers, axes, strict=True):
+                    figures = (f"{value:.5f}" for value in values)
+                    table.writerow((*start, cell(label), *figures, assumed, text, against))
     write_text(path, stream.getvalue())
 
 
@@ -62,8 +63,8 @@ def write_ply(site: SiteMap, path: Path) -> None:
     """The wireframe of all rows in the site's frame, or of one row in its own, metres. Raises OutputError, also if
     there are several rows and one of them is not placed, because its frame is another one."""
     require_one_frame(site)
-    apart = [name for name in site.rows if name not in site.placements]
-    what = f"row {apart[0]}" if apart else f"site, rows {', '.join(site.rows)}"
+    unplaced = [name for name in site.rows if name not in site.placements]
+    what = f"row {unplaced[0]}" if unplaced else f"site, rows {', '.join(site.rows)}"
     structures = [
         in_site(structure, site.placements.get(row.name))
         for row in site.rows.values()
@@ -81,29 +82,21 @@ def cell(text: str) -> str:
     return f"'{shown}" if shown.lstrip()[:1] in FORMULAS else shown
 
 
-def _vertices(structure: Structure) -> Iterator[tuple[str, ...]]:
-    for label, place, sigma in zip(structure.vertex_labels, structure.vertices, sigmas(structure), strict=True):
-        yield (cell(label), *(f"{value:.5f}" for value in place), *(f"{value:.5f}" for value in sigma))
-
-
 def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
-    palette = {label: bytes_of(colour) for label, colour in colours(one.label for one in structures).items()}
+    palette = {
+        label: "{} {} {}".format(*bytes_of(colour))
+        for label, colour in colours(structure.label for structure in structures).items()
+    }
     firsts = np.cumsum([0, *(len(structure.vertices) for structure in structures)]).tolist()
     yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
     for label, colour in palette.items():
-        yield f"comment label {label}: {_spaced(colour)}"
+        yield f"comment label {label}: {colour}"
     yield f"element vertex {firsts[-1]}"
     yield from (f"property double {axis}" for axis in "xyz")
     yield from (f"property uchar {channel}" for channel in ("red", "green", "blue"))
     yield f"element edge {sum(len(structure.edges) for structure in structures)}"
     yield from ("property int vertex1", "property int vertex2", "end_header")
     for structure in structures:
-        yield from (
-            f"{x:.4f} {y:.4f} {z:.4f} {_spaced(palette[structure.label])}" for x, y, z in structure.vertices.tolist()
-        )
+        yield from (f"{x:.4f} {y:.4f} {z:.4f} {palette[structure.label]}" for x, y, z in structure.vertices.tolist())
     for first, structure in zip(firsts, structures, strict=False):
         yield from (f"{first + a} {first + b}" for a, b in structure.edges.tolist())
-
-
-def _spaced(colour: tuple[int, int, int]) -> str:
-    return " ".join(map(str, colour))
