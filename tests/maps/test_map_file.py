@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -140,18 +139,15 @@ def test_tiny_differences_and_the_order_of_keys_leave_the_bytes_alone() -> None:
     assert map_text(replace(made, rows={"A": turned})) == map_text(made)
 
 
-def test_every_vertex_has_its_label_and_deviation() -> None:
-    entry = json.loads(map_text(site()))["rows"]["A"]["structures"]["things"][0]
+def test_every_vertex_has_its_label_and_deviation_and_frames_may_have_no_place() -> None:
+    row = json.loads(map_text(site()))["rows"]["A"]
+    entry = row["structures"]["things"][0]
     for vertex, label in zip(entry["vertices"], ("lower left", "lower right", "upper right", "[ 1 ]"), strict=True):
         assert vertex["label"] == label
         variances = [vertex["covariance_m2"][k] for k in (0, 3, 5)]
         np.testing.assert_allclose(vertex["sigma_m"], np.sqrt(variances), atol=1e-6)
-
-
-def test_reference_residual_and_unplaced_frames() -> None:
-    row = json.loads(map_text(site()))["rows"]["A"]
     assert row["references"][0]["residual"] == pytest.approx(-0.0049)
-    assert [entry["position_m"] is None for entry in row["trajectory"]] == [False, False, True, True, False]
+    assert [frame["position_m"] is None for frame in row["trajectory"]] == [False, False, True, True, False]
     assert row["trajectory"][4]["pass"] == "back"
 
 
@@ -215,72 +211,6 @@ def test_numbers_that_are_not_finite_are_not_written(tmp_path: Path) -> None:
     assert not (tmp_path / "map.json").exists()
 
 
-def _drop_rows(content: dict[str, Any]) -> None:
-    del content["rows"]
-
-
-def _other_version(content: dict[str, Any]) -> None:
-    content["version"] = 7
-
-
-def _other_format(content: dict[str, Any]) -> None:
-    content["format"] = "savmap-survey"
-
-
-def _short_vertex(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["structures"]["things"][0]["vertices"][2]["position_m"].pop()
-
-
-def _no_vertex(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["structures"]["things"][0] |= {"vertices": [], "edges": []}
-
-
-def _loose_edge(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["structures"]["things"][0]["edges"][0] = [0, 9]
-
-
-def _frame_out_of_order(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["trajectory"][1]["frame"] = 8
-
-
-def _zero_quaternion(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["trajectory"][1]["orientation_xyzw"] = [0, 0, 0, 0]
-
-
-def _sigma_of_nothing(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["references"][0]["sigma"] = 0
-
-
-def _negative_variance(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["structures"]["things"][0]["vertices"][0]["covariance_m2"][3] = -1e-6
-
-
-def _far_away(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["structures"]["things"][0]["vertices"][0]["position_m"][1] = 1e300
-
-
-def _pass_by_its_name_here(content: dict[str, Any]) -> None:
-    pose = content["rows"]["A"]["trajectory"][0]
-    pose["pass_name"] = pose.pop("pass")
-
-
-def _no_picture(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["views"]["face"]["width"] = 0
-
-
-def _joint_without_its_end(content: dict[str, Any]) -> None:
-    joint = content["rows"]["A"]["joint"]
-    joint["covariance_m2"] = joint["covariance_m2"][:-8]
-
-
-def _joint_of_another(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["joint"]["coordinates"]["things"]["thing 2"] = [[0, 0, 0]]
-
-
-def _joint_out_of_bounds(content: dict[str, Any]) -> None:
-    content["rows"]["A"]["joint"]["coordinates"]["things"]["thing 1"][0][0] = 11
-
-
 def test_infinite_numbers_of_a_map_are_one_line(tmp_path: Path) -> None:
     path = tmp_path / "map.json"
     path.write_text(re.sub(r'"rms_px": [0-9.]+', '"rms_px": 1e999', map_text(site())))
@@ -295,33 +225,41 @@ def test_a_reference_without_a_deviation_can_be_read_again(tmp_path: Path) -> No
     assert read_map(tmp_path / "map.json").rows["A"].references[0].sigma == 1e-6
 
 
+THING, POSE = "rows.A.structures.things.0", "rows.A.trajectory.1"
+
+
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("place", "value", "message"),
     [
-        (_drop_rows, "`rows` is missing"),
-        (_other_version, "version 7; this program reads version 1"),
-        (_other_format, "is a survey, not a map"),
-        (_short_vertex, r"rows\.A\.structures\.things\[0\]\.vertices\[2\]\.position_m\[2\]` is missing"),
-        (_no_vertex, r"structures\.things\[0\]\.vertices`: at least 1 entry is expected"),
-        (_loose_edge, "thing 1: an edge joins a vertex that is not there"),
-        (_frame_out_of_order, "frames should be numbered"),
-        (_zero_quaternion, r"trajectory\[1\]\.orientation_xyzw`: it is no unit quaternion"),
-        (_sigma_of_nothing, r"references\[0\]\.sigma`: input should be greater than 0"),
-        (_negative_variance, r"vertices\[0\]\.covariance_m2`: a variance is negative"),
-        (
-            _far_away,
-            r"vertices\[0\]\.position_m\[1\]`: input should be less than or equal to 1000000 .*lengths are metres",
-        ),
-        (_joint_without_its_end, "joint: covariance_m2 is not the finite upper triangle of 11 lines"),
-        (_joint_of_another, "joint: things: thing 2 is none of the structures"),
-        (_joint_out_of_bounds, "joint: things: thing 1: a coordinate is not among the 11"),
-        (_no_picture, r"views\.face\.width`: input should be greater than or equal to 1 \(it is 0\)"),
-        (_pass_by_its_name_here, r"unknown key `rows\.A\.trajectory\[0\]\.pass_name`: did you mean `pass`\?"),
+        ("rows", None, "`rows` is missing"),
+        ("version", 7, "version 7; this program reads version 1"),
+        ("format", "savmap-survey", "is a survey, not a map"),
+        (f"{THING}.vertices.2.position_m.2", None, r"things\[0\]\.vertices\[2\]\.position_m\[2\]` is missing"),
+        (f"{THING}.vertices", [], r"structures\.things\[0\]\.vertices`: at least 1 entry is expected"),
+        (f"{THING}.edges.0", [0, 9], "thing 1: an edge joins a vertex that is not there"),
+        (f"{POSE}.frame", 8, "frames should be numbered"),
+        (f"{POSE}.orientation_xyzw", [0, 0, 0, 0], r"trajectory\[1\]\.orientation_xyzw`: it is no unit quaternion"),
+        ("rows.A.references.0.sigma", 0, r"references\[0\]\.sigma`: input should be greater than 0"),
+        (f"{THING}.vertices.0.covariance_m2.3", -1e-6, r"vertices\[0\]\.covariance_m2`: a variance is negative"),
+        (f"{THING}.vertices.0.position_m.1", 1e300, r"position_m\[1\]`: input should be less .*lengths are metres"),
+        ("rows.A.joint.covariance_m2", "AAAA", "joint: covariance_m2 is not the finite upper triangle of 11 lines"),
+        ("rows.A.joint.covariance_m2", "*", "joint: covariance_m2 is not base64"),
+        ("rows.A.joint.coordinates.things.thing 2", [[0, 0, 0]], "joint: things: thing 2 is none of the structures"),
+        ("rows.A.joint.coordinates.things.thing 1.0.0", 11, "thing 1: a coordinate is not among the 11"),
+        ("rows.A.views.face.width", 0, r"views\.face\.width`: input should be greater than or equal to 1 \(it is 0\)"),
+        (f"{POSE}.pass_name", "a", r"unknown key `rows\.A\.trajectory\[1\]\.pass_name`: did you mean `pass`\?"),
     ],
 )
-def test_wrong_maps_are_one_line(tmp_path: Path, spoil: Callable[[dict[str, Any]], None], message: str) -> None:
+def test_wrong_maps_are_one_line(tmp_path: Path, place: str, value: object, message: str) -> None:
     content = json.loads(map_text(site()))
-    spoil(content)
+    *keys, last = (int(key) if key.isdecimal() else key for key in place.split("."))
+    entry: Any = content
+    for key in keys:
+        entry = entry[key]
+    if value is None:
+        del entry[last]
+    else:
+        entry[last] = value
     path = tmp_path / "map.json"
     path.write_text(json.dumps(content))
     with pytest.raises(OutputError, match=message) as caught:

@@ -6,10 +6,7 @@ import stat
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -102,14 +99,6 @@ def test_no_two_rows_share_a_folder(tmp_path: Path) -> None:
     assert len(set(pictures)) == 4 * len(names)
 
 
-@pytest.mark.parametrize("name", ["tum", "colmap", "nerfstudio"])
-@pytest.mark.parametrize("ending", [".txt", ".zip"])
-def test_a_map_without_a_path_is_refused(tmp_path: Path, name: str, ending: str) -> None:
-    still = replace(row("A"), trajectory=Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))))
-    with pytest.raises(OutputError, match="no camera path"):
-        export(SiteMap({"A": still}, {}), tmp_path / f"a{ending}", name)
-
-
 @pytest.mark.extra("validators")
 def test_colmap_sees_vertices_where_savmap_does(tmp_path: Path) -> None:
     """A COLMAP pixel is savmap's and a half."""
@@ -190,45 +179,3 @@ def test_rerun_reads_its_recording(tmp_path: Path) -> None:
     content = _output(*rerun, "print", tmp_path / "a.rrd").replace("\\", "")
     for entity in ("/map/A/things/bar 1", "/drive/A/there/rig", "/drive/A/back/rig"):
         assert entity in content
-
-
-FORMATS = (
-    "tum",
-    "colmap",
-    "nerfstudio",
-    *(pytest.param(name, marks=pytest.mark.extra("ros")) for name in ("mcap", "rosbag2")),
-)
-RERUN = pytest.param("rrd", marks=pytest.mark.extra("rerun"))
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_same_map_gives_the_same_bytes(tmp_path: Path, name: str) -> None:
-    for number in (1, 2):
-        export(one_pass(), tmp_path / str(number), name)
-    assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
-
-
-@pytest.mark.parametrize("name", [*FORMATS, RERUN])
-def test_hostile_names_do_no_harm(tmp_path: Path, name: str) -> None:
-    rows = {text: row(text, text) for text in (HOSTILE, "../../b")}
-    site = SiteMap(rows, {}, placements={text: Placement(0, 0, 0, np.eye(3)) for text in rows})
-    path = tmp_path / "out" / ("a.zip" if name in ("tum", "colmap") else "a")
-    export(site, path, name)
-    assert [found.name for found in tmp_path.iterdir()] == ["out"]
-    if path.suffix == ".zip":
-        names = zipfile.ZipFile(path).namelist()
-        assert not [part for text in names for part in text.split("/") if part in ("", ".", "..")]
-
-
-def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real: Callable[..., Any] = __import__("importlib").import_module
-
-    def without(module: str, *rest: Any) -> Any:
-        if module == "mcap":
-            raise ImportError(module)
-        return real(module, *rest)
-
-    monkeypatch.setattr("savmap.maps.exports.import_module", without)
-    with pytest.raises(OutputError, match=r"needs mcap: pip install 'savmap\[ros\]'"):
-        export(one_pass(), tmp_path / "a.mcap")
-    assert not list(tmp_path.iterdir())

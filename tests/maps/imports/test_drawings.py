@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from savmap.errors import OutputError
-from savmap.maps.imports import drawing, elements_of
+from savmap.maps.imports import drawing
 from savmap.maps.imports.records import ImportOptions, SurveyElement
+from savmap.maps.imports.survey import elements_of
 
 pytestmark = pytest.mark.extra("cad")
 LABELS = {"post": "post", "bar": "bar", "tube": "tube"}
@@ -94,28 +95,21 @@ def test_layers_get_labels_and_units_are_asked_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"0\nSECTION\n", b"\x00\xff" * 50, b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nx\n"]
+    ("content", "message"),
+    [
+        (b"0\nSECTION\n", ""),
+        (b"0\nSECTION\n2\nENTITIES\n0\nLINE\n10\nx\n", ""),
+        (b"", "is no DXF drawing"),
+        (bytes(range(256)) * 20, "is no DXF drawing"),
+        (b"a text that is\nno SECTION\n", "is no DXF drawing"),
+        (b"AC1032\0\0\0" + bytes(range(256)), "is a DWG drawing, which is not read: save it as DXF"),
+    ],
 )
-def test_what_is_no_drawing_is_one_line(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_drawing_is_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     (tmp_path / "plan.dxf").write_bytes(content)
-    with pytest.raises(OutputError, match=r"plan\.dxf: ") as caught:
+    with pytest.raises(OutputError, match=rf"plan\.dxf: {message}") as caught:
         elements_of(tmp_path / "plan.dxf", ImportOptions(unit="m"), LABELS)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", bytes(range(256)) * 20, b"%PDF-1.5", b"a text that is\nno SECTION\n", b"row,x,y\nA,0,1\n"]
-)
-def test_what_has_no_section_is_no_drawing(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "plan.dxf").write_bytes(content)
-    with pytest.raises(OutputError, match=r"plan\.dxf: is no DXF drawing"):
-        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
-
-
-def test_another_programs_drawing_says_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "plan.dxf").write_bytes(b"AC1032\0\0\0" + bytes(range(256)))
-    with pytest.raises(OutputError, match="is a DWG drawing, which is not read: save it as DXF"):
-        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
 
 
 def test_line_ends_may_be_any_and_a_binary_drawing_says_what_to_do(tmp_path: Path) -> None:
@@ -149,16 +143,12 @@ def test_a_drawing_within_bounds_alone_is_read(tmp_path: Path, monkeypatch: pyte
         read(tmp_path, document)
 
 
-def test_a_block_in_itself_ends(tmp_path: Path) -> None:
+def test_a_block_in_itself_and_a_corner_beyond_all_bounds_are_refused(tmp_path: Path) -> None:
     document = empty()
     document.blocks.new("loop").add_blockref("loop", (1, 0))
     document.modelspace().add_blockref("loop", (0, 0), dxfattribs={"layer": "post"})
-    document.saveas(tmp_path / "plan.dxf")
     with pytest.raises(OutputError):
-        elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
-
-
-def test_a_corner_beyond_all_bounds_is_refused(tmp_path: Path) -> None:
+        read(tmp_path, document)
     document = empty()
     document.modelspace().add_point((1e300, 0, 0), dxfattribs={"layer": "post"})
     with pytest.raises(OutputError, match="not finite, or too far"):

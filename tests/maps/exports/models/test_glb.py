@@ -10,7 +10,6 @@ import pytest
 import trimesh
 
 import savmap
-from savmap.errors import OutputError
 from savmap.maps.exports.models.glb import glb_of
 from savmap.types import Floats, SiteMap
 
@@ -122,13 +121,6 @@ def test_any_text_is_kept_as_text() -> None:
 
 def test_maps_without_structures_are_scenes_without_nodes() -> None:
     assert content_of(glb_of(SiteMap({}, {})))["scenes"] == [{"name": "map"}]
-
-
-def test_rows_without_a_common_frame_are_refused(tmp_path: Path) -> None:
-    rows = {name: row(name, things()) for name in "AB"}
-    with pytest.raises(OutputError, match="choose one with --row"):
-        savmap.export(SiteMap(rows, {}), tmp_path / "map.glb")
-    assert not list(tmp_path.iterdir())
 
 
 def test_depths_that_are_assumed_are_told() -> None:

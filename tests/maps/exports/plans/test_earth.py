@@ -97,13 +97,6 @@ def test_without_an_anchor_it_is_refused(tmp_path: Path, write: Callable[[SiteMa
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.parametrize("write", [write_geojson, write_imdf])
-def test_the_same_map_gives_the_same_bytes(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
-    write(hall(), tmp_path / "a")
-    write(hall(), tmp_path / "b")
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-
-
 def test_imdf_is_an_archive_as_its_specification_says(tmp_path: Path) -> None:
     write_imdf(hall(), tmp_path / "a.zip")
     with zipfile.ZipFile(tmp_path / "a.zip") as archive:

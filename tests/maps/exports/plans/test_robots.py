@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +11,7 @@ import jsonschema
 import numpy as np
 import pytest
 import yaml
-from made_up_hall import HOSTILE, PLACES, hall, plate, row, section, world
+from made_up_hall import HOSTILE, PLACES, hall, plate, section, world
 from PIL import Image
 
 from savmap.errors import OutputError
@@ -21,7 +20,7 @@ from savmap.maps.exports.plans.footprints import obstacles
 from savmap.maps.exports.plans.nav2 import write_nav2
 from savmap.maps.exports.plans.open_rmf import write_building
 from savmap.maps.exports.plans.routes import route_graph
-from savmap.types import Alignment, FrameTable, RowMap, SiteMap, Structure, Trajectory
+from savmap.types import Alignment, SiteMap, Structure
 
 NUMBER, TEXT = {"type": "number"}, {"type": "string", "minLength": 1}
 
@@ -265,25 +264,3 @@ def test_depths_that_are_assumed_are_told(tmp_path: Path) -> None:
         *((tmp_path / f"given.{end}").read_bytes() for end in ("json", "yaml")),
     ]
     assert not any(b"assumed" in text for text in given)
-
-
-@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set, write_building])
-def test_the_same_map_gives_the_same_bytes(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
-    write(hall(), tmp_path / "a")
-    write(hall(), tmp_path / "b")
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
-
-
-@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set])
-def test_a_map_with_nothing_in_it_is_refused(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
-    empty = RowMap("A", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))), {}, ())
-    with pytest.raises(OutputError):
-        write(SiteMap({"A": empty}, {}), tmp_path / "a")
-    assert not (tmp_path / "a").exists()
-
-
-@pytest.mark.parametrize("write", [write_nav2, write_lif, write_zone_set, write_building])
-def test_rows_without_a_common_frame_are_refused(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
-    path = np.array([[0.0, 1.5], [5, 1.5]])
-    with pytest.raises(OutputError, match="rows A, B have no place"):
-        write(SiteMap({"A": row("A", path), "B": row("B", path)}, {}), tmp_path / "a")
