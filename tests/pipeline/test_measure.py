@@ -1,4 +1,5 @@
-"""The walk over a pass: what runs ahead changes nothing of what plugins are asked, in which order, and what they see."""
+"""The walk over a pass: what runs ahead changes nothing of what plugins are asked, in which order, and what they see;
+what is kept of a run that was cut off; points and markers that are followed."""
 
 import threading
 from collections.abc import Callable
@@ -15,22 +16,37 @@ from pydantic import BaseModel, ConfigDict
 from savmap.errors import PluginError
 from savmap.files import journal as journals
 from savmap.files.serialization import packed
+from savmap.graph import KnownMarker, References, camera_priors
 from savmap.pipeline import measure
 from savmap.pipeline.cutting import Stills
-from savmap.pipeline.records import FrameJournal, FrameRecord
+from savmap.pipeline.records import FrameJournal, FrameRecord, LocatedRow, RowMeasurements, RowRequest
+from savmap.pipeline.row import marker_constraints
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.types import Detection, Feature, View, ViewPlan, ViewSpec
+from savmap.site.model import Site
+from savmap.site.preflight import tells_scale
+from savmap.types import (
+    Detection,
+    Feature,
+    FrameTable,
+    Panorama,
+    RowFacts,
+    Trajectory,
+    View,
+    ViewPlan,
+    ViewSpec,
+)
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
-from savmap.vision.flow import FlowTracker, NullFlowTracker
-from savmap.vision.markers import MarkerTracker
+from savmap.vision.flow import WINDOW, FlowTracker, NullFlowTracker
+from savmap.vision.markers import MarkerTracker, MarkerTracks
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
 from ..video.made_up_video import evenly, picture, write_video
+from ..vision.test_markers import HEIGHT, TAG, corners_at, marked
 
 ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
@@ -208,3 +224,44 @@ def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, mon
     walk = walk_of([*rooms], FrameJournal(FrameRecord, shelf))
     walk.over("A", aimed, SilentMonitor())
     assert journals.counts(shelf) == {"measuring": 3}
+
+
+def test_points_are_followed_in_the_views_of_the_face_alone() -> None:
+    walk = walk_of([], flow=FlowTracker())
+    face, ceiling = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
+    aims = {"racks": ViewPlan((face,), np.eye(3)), "lamps": ViewPlan((ceiling,))}
+    plan = PassPlan("pass 1", Clip(Path("none")), aims)
+    rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
+    image = np.kron(rough, np.ones((4, 4, 1), np.uint8))
+    for frame in range(WINDOW):
+        panorama = Panorama(frame, frame / 15, image)
+        walk._follow(panorama, [Renderer().render(panorama, spec) for spec in plan.plugins_by_view], plan)
+    assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
+    assert len(walk.flow.flows[0].pixels) > 50
+
+
+def test_markers_are_searched_in_every_frame() -> None:
+    walk = walk_of([])
+    for frame in range(3):
+        panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
+        walk._follow(panorama, [], PassPlan("pass 1", Clip(Path("none")), {}))
+    assert walk.markers.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
+
+
+def test_a_marker_that_was_not_seen_is_noted() -> None:
+    facts = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {}, {})
+    start = Trajectory(np.arange(3), np.tile(np.eye(4), (3, 1, 1)))
+    references = References(markers=(KnownMarker("tag36h11", 7, 0.2, 0.0005),))
+    seen = RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
+    row = LocatedRow(RowRequest("A", (), (), references), seen, start, camera_priors(facts, start, references))
+    constraints, notes = marker_constraints(row)
+    assert not constraints
+    assert notes == ["row A: marker tag36h11 7 was not seen well enough; it is not used"]
+
+
+def test_the_site_file_asks_for_points_and_may_have_markers_alone_for_scale() -> None:
+    content: dict[str, Any] = {"rows": {"A": {"passes": [{"video": "a.mp4"}]}}}
+    assert not Site.model_validate(content).appearance
+    assert Site.model_validate({**content, "appearance": True}).appearance
+    marker = {"dictionary": "tag36h11", "id": 7, "size_m": 0.2}
+    assert tells_scale(Site.model_validate({**content, "references": {"markers": [marker]}}), "A", ())
