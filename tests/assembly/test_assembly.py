@@ -5,7 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_site import (
+
+from savmap.assembly import assembled, site_lines
+from savmap.types import Doubt, Placement, SiteMap, Trajectory
+
+from .made_up_site import (
     AISLE_M,
     LENGTH_M,
     PITCH_M,
@@ -17,9 +21,6 @@ from made_up_site import (
     site,
     truth,
 )
-
-from savmap.assembly import assembled, site_lines
-from savmap.types import Doubt, Placement, SiteMap, Trajectory
 
 NO_DRIVES: dict[str, dict[str, str]] = {}
 CHI2_999 = 16.3

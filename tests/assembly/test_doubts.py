@@ -1,16 +1,17 @@
-"""Doubts that a person looked at and found wrong."""
+"""Doubts that a person checked and found wrong, and rows that look at one face: both mapped it, under two names."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_site import site
 from pydantic import ValidationError
 
-from savmap.assembly import with_confirmed, with_doubts
+from savmap.assembly import rows_with_same_face, same_face_doubts, with_confirmed, with_doubts
 from savmap.site.model import Row
 from savmap.types import Doubt, SiteMap, Verdict
 from savmap.types.verdicts import by_cause
+
+from .made_up_site import site
 
 WIDE = Doubt(
     "shape",
@@ -94,3 +95,41 @@ def test_a_line_that_yaml_takes_for_a_key_is_told_to_be_quoted() -> None:
         Row.model_validate(
             {"passes": [{"video": "/aisle.mp4"}], "confirmed": [{"3.69 m apart, others 1.36 m": "is one"}]}
         )
+
+
+def row(**about: object) -> Row:
+    return Row.model_validate({"passes": [{"video": "/aisle.mp4", "side": "left", **about}]})
+
+
+@pytest.mark.parametrize("about", [{}, {"start_s": 0.2}, {"end_s": 20.0}, {"start_s": 5.0, "end_s": 9.0}, {"fps": 5.0}])
+def test_a_copied_row_is_of_the_same_face(about: dict[str, object]) -> None:
+    doubts = same_face_doubts({"A": row(), "B": row(**about)})
+    assert {*doubts} == {"A", "B"}
+    (doubt,) = doubts["A"]
+    assert doubt.line == "two rows look at the same face; correct the `side` of one: row A or B"
+    assert doubt.details[0].startswith("rows A and B look at the same frames (A, pass 1), both to the left")
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        {"side": "right"},
+        {"video": "/other.mp4"},
+        {"views": {"top": {"yaw_deg": 90.0, "pitch_deg": 40.0}}},
+    ],
+)
+def test_another_face_is_not(about: dict[str, object]) -> None:
+    assert not [*rows_with_same_face({"A": row(), "B": row(**about)})]
+
+
+def test_passes_one_after_the_other_are_not() -> None:
+    first = row(end_s=20.0)
+    assert not [*rows_with_same_face({"A": first, "B": row(start_s=19.0)})]
+    assert [*rows_with_same_face({"A": first, "B": row(start_s=9.0, end_s=20.0)})]
+
+
+def test_a_second_pass_counts_too() -> None:
+    both = Row.model_validate({"passes": [{"video": "/back.mp4"}, {"video": "/aisle.mp4", "side": "left"}]})
+    ((first, second, what),) = rows_with_same_face({"A": both, "B": row()})
+    assert (first, second) == ("A", "B")
+    assert "(A, pass 2)" in what
