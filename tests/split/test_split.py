@@ -17,6 +17,7 @@ from savmap.site.load import load_site
 from savmap.split import DetectedPass, SplitResult, SplitSettings, find, split
 from savmap.split.frame_pairs import sample_stamps
 from savmap.split.passes import find_passes
+from savmap.split.site_rows import add_to_site
 from savmap.video.motion import FramePair, motion_of
 
 pytestmark = pytest.mark.slow
@@ -133,8 +134,6 @@ def test_the_site_file_holds_the_passes_and_is_not_overwritten(woven: Woven, tmp
 
 @pytest.mark.parametrize("ending", ["", "\n", "\n\n# the end\n", "\njoint: false\n"])
 def test_rows_are_added_and_the_site_file_is_else_unchanged(tmp_path: Path, ending: str) -> None:
-    from savmap.split.site_rows import add_to_site
-
     path = tmp_path / "site.yaml"
     text = "# mine\nplugins: {shelves: {}}\nrows:\n    A:   # kept\n        passes: [{video: a.mp4}]" + ending
     path.write_text(text, encoding="utf-8")
@@ -150,9 +149,8 @@ def test_rows_are_added_and_the_site_file_is_else_unchanged(tmp_path: Path, endi
 
 
 def test_rows_are_added_after_the_comments_of_the_last_one(tmp_path: Path) -> None:
-    from savmap.split.site_rows import add_to_site
-
-    text = "references: {camera_height_m: {value: 3}}\nrows:\n  A:\n    passes:\n      - video: a.mp4\n        # side: left\n    # place: {x_m: 0}\n  # B is to come\nplugins: {}\n"
+    row = "  A:\n    passes:\n      - video: a.mp4\n        # side: left\n    # place: {x_m: 0}\n  # B is to come\n"
+    text = f"references: {{camera_height_m: {{value: 3}}}}\nrows:\n{row}plugins: {{}}\n"
     (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
     add_to_site([ONE], tmp_path / "b.mp4", tmp_path / "site.yaml")
     before, after = (tmp_path / "site.yaml").read_text(encoding="utf-8").split("  # found by `savmap split`")
@@ -161,8 +159,6 @@ def test_rows_are_added_after_the_comments_of_the_last_one(tmp_path: Path) -> No
 
 
 def test_rows_within_braces_are_not_touched(tmp_path: Path) -> None:
-    from savmap.split.site_rows import add_to_site
-
     path = tmp_path / "site.yaml"
     path.write_text("rows: {A: {passes: [{video: a.mp4}]}}\n", encoding="utf-8")
     with pytest.raises(SiteError, match="braces"):
