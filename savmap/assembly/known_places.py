@@ -135,13 +135,13 @@ def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
     then by how labels begin."""
     parts = [part for group in row.structures.values() for part in group]
     for named in (_labelled, _whole, _beginning):
-        mapped = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
-        if len(mapped) > 1:
-            raise SiteError(f"there are {len(mapped)} structures in row {row.name} that `{at}` may mean")
-        if mapped:
-            return mapped[0]
-    source = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
-    near = difflib.get_close_matches(at, source, 3)
+        matches = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
+        if len(matches) > 1:
+            raise SiteError(f"there are {len(matches)} structures in row {row.name} that `{at}` may mean")
+        if matches:
+            return matches[0]
+    names = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
+    near = difflib.get_close_matches(at, names, 3)
     raise SiteError(f"row {row.name} has no `{at}`" + (f"; nearest: {', '.join(near)}" if near else ""))
 
 
