@@ -2,7 +2,7 @@
 there."""
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,47 +67,41 @@ class KnownPlaces:
 def known_places(site: SiteMap, source: KnownAlignment) -> KnownPlaces:
     """The places that the section's points and lines name. Raises SiteError with file and line for one that is not in
     the map."""
-    finder = _Finder(site, source)
     places: list[KnownPlace] = []
     directed: list[tuple[int, int]] = []
-    for number, point in enumerate(source.section.points):
-        mapped = finder.places(point, ("points", number), (point.at,))
-        places += [_on_point(place, point, ("points", number)) for place in mapped]
-    for number, line in enumerate(source.section.lines):
-        mapped = finder.places(line, ("lines", number), line.through)
-        if len(mapped) > 1:
-            directed.append((len(places), len(places) + len(mapped) - 1))
-        places += [_on_line(place, line, ("lines", number)) for place in mapped]
-    return KnownPlaces(places, directed, finder.left_out)
+    left_out: list[str] = []
 
-
-class _Finder:
-    """Looks places up in a site map; `left_out` gathers what is said of rows that failed."""
-
-    def __init__(self, site: SiteMap, source: KnownAlignment) -> None:
-        self.site, self.known = site, source
-        self.left_out: list[str] = []
-
-    def places(self, entry: AlignPoint | AlignLine, location: Location, names: Sequence[str]) -> list[MappedPlace]:
-        """The places of these names in the entry's row; none where that row was not mapped."""
-        row = self._row(entry, location)
+    def mapped(entry: AlignPoint | AlignLine, location: Location, names: Sequence[str]) -> list[MappedPlace]:
+        row = _row_of(site, source, entry, location)
         if row is None:
-            self.left_out.append(self.known.line(location, f"row {entry.row} was not mapped; it is aligned without it"))
+            left_out.append(source.line(location, f"row {entry.row} was not mapped; it is aligned without it"))
             return []
         try:
-            return [place_at(self.site, row, name) for name in names]
+            return [place_at(site, row, name) for name in names]
         except SiteError as error:
-            raise SiteError(self.known.line(location, str(error))) from None
+            raise SiteError(source.line(location, str(error))) from None
 
-    def _row(self, entry: AlignPoint | AlignLine, location: Location) -> RowMap | None:
-        rows = self.site.rows
-        if entry.row is None and len(rows) + len(self.site.failed) == 1:
-            return next(iter(rows.values()), None)
-        if entry.row is not None and (entry.row in rows or entry.row in self.site.failed):
-            return rows.get(entry.row)
-        names = f"the map's rows are {', '.join(rows)}"
-        what = f"there is no row `{entry.row}`" if entry.row is not None else "say which `row` it is in"
-        raise SiteError(self.known.line(location, f"{what}; {names}"))
+    for number, point in enumerate(source.section.points):
+        at_point = mapped(point, ("points", number), (point.at,))
+        places += [_on_point(place, point, ("points", number)) for place in at_point]
+    for number, line in enumerate(source.section.lines):
+        along = mapped(line, ("lines", number), line.through)
+        if len(along) > 1:
+            directed.append((len(places), len(places) + len(along) - 1))
+        places += [_on_line(place, line, ("lines", number)) for place in along]
+    return KnownPlaces(places, directed, left_out)
+
+
+def _row_of(site: SiteMap, source: KnownAlignment, entry: AlignPoint | AlignLine, location: Location) -> RowMap | None:
+    """The row of an entry; None where that was not mapped."""
+    rows = site.rows
+    if entry.row is None and len(rows) + len(site.failed) == 1:
+        return next(iter(rows.values()), None)
+    if entry.row is not None and (entry.row in rows or entry.row in site.failed):
+        return rows.get(entry.row)
+    names = f"the map's rows are {', '.join(rows)}"
+    what = f"there is no row `{entry.row}`" if entry.row is not None else "say which `row` it is in"
+    raise SiteError(source.line(location, f"{what}; {names}"))
 
 
 def place_at(site: SiteMap, row: RowMap, at: str) -> MappedPlace:
@@ -133,32 +127,23 @@ def place_at(site: SiteMap, row: RowMap, at: str) -> MappedPlace:
 def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
     """The structure and the numbers of its vertices that are meant: by the whole label first, then by the structure,
     then by how labels begin."""
+    readings: tuple[Callable[[Structure, str], bool], ...] = (
+        lambda part, label: at in (label, f"{part.id} / {label}"),
+        lambda part, label: at == part.id,
+        lambda part, label: label.startswith(f"{at} / "),
+    )
     parts = [part for group in row.structures.values() for part in group]
-    for named in (_labelled, _whole, _beginning):
-        matches = [(part, chosen) for part in parts if (chosen := list(named(part, at)))]
+    for is_meant in readings:
+        chosen = [(part, [k for k, label in enumerate(part.vertex_labels) if is_meant(part, label)]) for part in parts]
+        matches = [(part, numbers) for part, numbers in chosen if numbers]
         if len(matches) > 1:
             raise SiteError(f"there are {len(matches)} structures in row {row.name} that `{at}` may mean")
         if matches:
             return matches[0]
-    names = sorted({name for part in parts for name in (part.id, *part.vertex_labels, *_beginnings(part))})
+    beginnings = {label.rpartition(" / ")[0] for part in parts for label in part.vertex_labels} - {""}
+    names = sorted({*beginnings, *(name for part in parts for name in (part.id, *part.vertex_labels))})
     near = difflib.get_close_matches(at, names, 3)
     raise SiteError(f"row {row.name} has no `{at}`" + (f"; nearest: {', '.join(near)}" if near else ""))
-
-
-def _labelled(part: Structure, at: str) -> Iterator[int]:
-    return (k for k, label in enumerate(part.vertex_labels) if at in (label, f"{part.id} / {label}"))
-
-
-def _whole(part: Structure, at: str) -> Iterator[int]:
-    return iter(range(len(part.vertices)) if part.id == at else ())
-
-
-def _beginning(part: Structure, at: str) -> Iterator[int]:
-    return (k for k, label in enumerate(part.vertex_labels) if label.startswith(f"{at} / "))
-
-
-def _beginnings(part: Structure) -> set[str]:
-    return {label.rpartition(" / ")[0] for label in part.vertex_labels} - {""}
 
 
 def _on_point(place: MappedPlace, point: AlignPoint, location: Location) -> KnownPlace:
