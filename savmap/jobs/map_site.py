@@ -43,12 +43,13 @@ from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
 from savmap.site.model import Pass, pass_names
 from savmap.site.preflight import require_ready
-from savmap.types import Evaluation, RowMap, SiteMap, Survey
+from savmap.types import Evaluation, Picture, SiteMap, Survey
 from savmap.types.progress import Monitor
 from savmap.video.reader import probe
 from savmap.vision.networks.session import network_digest, runtime_version
 
 DRAWN = "drawn"
+VIEWS: tuple[Picture, ...] = ("face", "plan")
 MAP, MESSAGES = "map.json", "savmap.log"
 RESOLVED, REPORT, BOX_PLOT = "site.resolved.json", "report.html", "errors.png"
 MAPPED = (RowsFailedError, PluginsLeftOutError, DoubtfulError)
@@ -193,14 +194,6 @@ def made_by(job: Job) -> dict[str, str]:
     return {**{name: version(name) for name in ("savmap", "gtsam")}, "onnxruntime": runtime_version(), **models}
 
 
-def write_row_views(row: RowMap, report: Report, folder: Path) -> list[Path]:
-    """Write a row's face view and plan. Raises OutputError."""
-    paths = _row_views(row.name, folder)
-    write_row_view(row, report.drawings[row.name], "face", paths[0])
-    write_row_view(row, report.drawings[row.name], "plan", paths[1])
-    return paths
-
-
 def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
     """Write a row's orthophoto, what is said of it, and the wireframe over it; the picture, if there is one. Without
     one, that of an earlier map is taken away: it would not fit this one. Raises OutputError."""
@@ -261,7 +254,8 @@ def _write_results(
         surveyed = survey.rows.get(name) if survey else None
         views, key = _row_views(name, job.output), drawing_key(row, surveyed)
         if cache.load(name, DRAWN, key) is None or not all(view.is_file() for view in views):
-            write_row_views(row, report, job.output)
+            for kind, path in zip(VIEWS, views, strict=True):
+                write_row_view(row, report.drawings[name], kind, path)
             if not any(plugin.failure for plugin in plugins[name].values()):
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
@@ -319,7 +313,7 @@ def _files_of(row: str, folder: Path) -> list[Path]:
 
 
 def _row_views(row: str, folder: Path) -> list[Path]:
-    return [folder / f"{kind}-{file_name(row)}.png" for kind in ("face", "plan")]
+    return [folder / f"{kind}-{file_name(row)}.png" for kind in VIEWS]
 
 
 def _title(source: Path) -> str:
