@@ -73,10 +73,8 @@ def measure_task(
 ) -> TaskResult:
     """What is measured in one row's pictures, with strips of them if they are wanted. `frames`: where what is measured
     in single frames is kept meanwhile."""
-    plugins_failed: dict[str, Mapping[str, str]] = {}
-    strips: dict[str, StoredRecord[RowStrips]] = {}
 
-    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
+    def work(shown: Monitor) -> TaskResult:
         request = request_for(job, row)
         if with_strips:
             request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
@@ -87,38 +85,38 @@ def measure_task(
                 measured = measure(replace(request, journal=journal), shown)
             except SavmapError as error:
                 raise because(error, failed(request.plugins)) from error
-        plugins_failed[row] = measured.measurements.failed
-        if with_strips:
-            strips[row] = StoredRecord(RowStrips, measured.strips)
-        return {row: StoredRecord(RowMeasurements, measured.measurements)}
+        return TaskResult(
+            {row: StoredRecord(RowMeasurements, measured.measurements)},
+            plugins_failed={row: measured.measurements.failed},
+            strips={row: StoredRecord(RowStrips, measured.strips)} if with_strips else {},
+        )
 
-    return replace(_result([row], work, monitor), plugins_failed=plugins_failed, strips=strips)
+    return _result([row], work, monitor)
 
 
 def solve_task(
-    job: Job,
-    measurements: Mapping[str, StoredRecord[RowMeasurements]],
-    monitor: Monitor | None = None,
+    job: Job, measurements: Mapping[str, StoredRecord[RowMeasurements]], monitor: Monitor | None = None
 ) -> TaskResult:
     """Maps of rows that share passes, from what was measured of them."""
-    plugins_failed: dict[str, Mapping[str, str]] = {}
 
-    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
-        requests = [replace(request_for(job, row), measurements=stored.record) for row, stored in measurements.items()]
+    def work(shown: Monitor) -> TaskResult:
+        seen = {row: stored.record for row, stored in measurements.items()}
+        requests = [replace(request_for(job, row), measurements=record) for row, record in seen.items()]
         warned = NoteCollector()
         with warnings_as_notes(warned):
             results = map_rows(requests, shown)
-        for request in requests:
-            earlier = request.measurements.failed if request.measurements else {}
-            plugins_failed[request.name] = {**earlier, **failed(request.plugins)}
-        return {
+        plugins_failed = {
+            request.name: {**seen[request.name].failed, **failed(request.plugins)} for request in requests
+        }
+        records = {
             row: StoredRecord(RowMap, with_notes(result, warned.lines))
             if isinstance(result, RowMap)
             else Failure(because(result, plugins_failed[row]))
             for row, result in zip(measurements, results, strict=True)
         }
+        return TaskResult(records, plugins_failed=plugins_failed)
 
-    return replace(_result(list(measurements), work, monitor), plugins_failed=plugins_failed)
+    return _result(list(measurements), work, monitor)
 
 
 def picture_task(
@@ -129,14 +127,13 @@ def picture_task(
     """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face
     is known; and stills of the camera's path."""
 
-    def work(shown: Monitor) -> dict[str, StoredRecord[Any] | Failure]:
+    def work(shown: Monitor) -> TaskResult:
         pictures: dict[str, StoredRecord[Any] | Failure] = {}
         for row, (mapped, strips) in rows.items():
-            face = mapped.record.face
-            path = mapped.record.trajectory
+            face, path = mapped.record.face, mapped.record.trajectory
             picture = orthophoto(face, strips.record, path) if face is not None else None
             pictures[row] = StoredRecord(RowPicture, RowPicture(picture, spaced_stills(strips.record.stills, path)))
-        return pictures
+        return TaskResult(pictures)
 
     return _result(list(rows), work, monitor)
 
@@ -168,11 +165,7 @@ def earlier_path(job: Job, row: str) -> Trajectory | None:
     return rows[row].trajectory
 
 
-def _result(
-    rows: Sequence[str],
-    work: Callable[[Monitor], Mapping[str, StoredRecord[Any] | Failure]],
-    monitor: Monitor | None,
-) -> TaskResult:
+def _result(rows: Sequence[str], work: Callable[[Monitor], TaskResult], monitor: Monitor | None) -> TaskResult:
     """Do it; an expected error is the failure of all rows named. In another process no error is let out at all.
 
     Linear algebra runs in one thread: sums then do not depend on how many cores a machine has.
@@ -182,23 +175,20 @@ def _result(
     remote = monitor is None or isinstance(monitor, ForwardedMonitor)
     shown = monitor or notes
     logged: Sequence[str] = ()
-    records: Mapping[str, StoredRecord[Any] | Failure]
     try:
         with threadpool_limits(1, "blas"), warnings_as_notes(shown), trace.about(rows, keep=remote) as logged:
-            records = work(shown)
+            result = work(shown)
     except SavmapError as error:
-        records = {row: Failure(error) for row in rows}
+        result = TaskResult({row: Failure(error) for row in rows})
     except Exception as error:
         if not remote:
             raise
-        records = {row: _unexpected(error) for row in rows}
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
-    return TaskResult(records, tuple(notes.lines), time.monotonic() - begin, peak, tuple(logged))
-
-
-def _unexpected(error: Exception) -> Failure:
-    text = f"unexpected {format_error(error)}; please report it with savmap.log"
-    return Failure(SavmapError(text), traceback.format_exc())
+        text = f"unexpected {format_error(error)}; please report it with savmap.log"
+        failure = Failure(SavmapError(text), traceback.format_exc())
+        result = TaskResult(dict.fromkeys(rows, failure))
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
+    seconds = time.monotonic() - begin
+    return replace(result, notes=tuple(notes.lines), seconds=seconds, peak_mb=peak_mb, logged=tuple(logged))
 
 
 class _NoteHandler(logging.Handler):
