@@ -169,13 +169,12 @@ class Canvas:
 
     def cropped(self, owners: NDArray[np.int32]) -> "tuple[Canvas, NDArray[np.int32]] | None":
         """The smallest canvas around all cells that have an owner, and its owners. None where no cell has one."""
-        rows, columns = (np.flatnonzero((owners >= 0).any(axis=axis)) for axis in (1, 0))
-        if not len(rows):
+        if (owners < 0).all():
             return None
-        top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
-        corner = self.corner + self.cell * np.array([left, self.rows - bottom])
-        part = replace(self, rows=bottom - top, columns=right - left, corner=corner)
-        return part, owners[top:bottom, left:right]
+        rows, columns = _around(owners >= 0, 0)
+        corner = self.corner + self.cell * np.array([columns.start, self.rows - rows.stop])
+        part = replace(self, rows=rows.stop - rows.start, columns=columns.stop - columns.start, corner=corner)
+        return part, owners[rows, columns]
 
     def pixels_from_part(self, shot: Shot, top: int, left: int, size: float) -> Floats:
         """Homography (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that
