@@ -8,6 +8,7 @@ seams between them. Their exposures are equalised in the overlap of neighbours.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -196,18 +197,14 @@ class Canvas:
 def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
     """The gains (n, 3) of the shots' colours, by least squares, so that neighbours agree where they overlap."""
     order = sorted(range(len(shots)), key=lambda number: float(shots[number].place[0]))
-    terms: list[tuple[int, int, Floats]] = []
-    for lag in (1, 2):
-        for first, second in zip(order, order[lag:], strict=False):
-            ratio = _ratio(canvas, shots[first], shots[second])
-            if ratio is not None:
-                terms.append((first, second, ratio))
     normal, right = GAIN_PRIOR * np.eye(len(shots)), np.zeros((len(shots), 3))
-    for first, second, ratio in terms:
-        normal[[first, second], [first, second]] += 1.0
-        normal[[first, second], [second, first]] -= 1.0
-        right[first] += ratio
-        right[second] -= ratio
+    for first, second in chain(zip(order, order[1:], strict=False), zip(order, order[2:], strict=False)):
+        ratio = _ratio(canvas, shots[first], shots[second])
+        if ratio is not None:
+            normal[[first, second], [first, second]] += 1.0
+            normal[[first, second], [second, first]] -= 1.0
+            right[first] += ratio
+            right[second] -= ratio
     return np.asarray(np.clip(np.exp(np.linalg.solve(normal, right)), 1 / MOST_GAIN, MOST_GAIN))
 
 
