@@ -8,7 +8,7 @@ seams between them. Their exposures are equalised in the overlap of neighbours.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, pairwise
 
 import cv2
 import numpy as np
@@ -198,7 +198,7 @@ def gains(canvas: Canvas, shots: Sequence[Shot]) -> Floats:
     """The gains (n, 3) of the shots' colours, by least squares, so that neighbours agree where they overlap."""
     order = sorted(range(len(shots)), key=lambda number: float(shots[number].place[0]))
     normal, right = GAIN_PRIOR * np.eye(len(shots)), np.zeros((len(shots), 3))
-    for first, second in chain(zip(order, order[1:], strict=False), zip(order, order[2:], strict=False)):
+    for first, second in chain(pairwise(order), zip(order, order[2:], strict=False)):
         ratio = _ratio(canvas, shots[first], shots[second])
         if ratio is not None:
             normal[[first, second], [first, second]] += 1.0
