@@ -11,7 +11,6 @@ from savmap.assembly.known_places import KnownPlace, known_places
 from savmap.assembly.rigid_fit import PlaceEquations, RigidFit
 from savmap.errors import SiteError
 from savmap.site.load import KnownAlignment
-from savmap.site.sections import AlignSection
 from savmap.types import Alignment, AlignmentResidual, Floats, Measured, SiteMap
 
 CONTRADICTS = 0.001
@@ -41,7 +40,9 @@ def aligned(site_map: SiteMap, source: KnownAlignment) -> Aligned:
     section = source.section
     anchor = (section.anchor.latitude_deg, section.anchor.longitude_deg) if section.anchor else None
     if section.x_m is not None and section.y_m is not None and section.heading_deg is not None:
-        alignment = _given(section, section.x_m, section.y_m, section.heading_deg)
+        covariance = np.diag(np.square([section.sigma_m, section.sigma_m, section.sigma_deg]))
+        heading = 180 - (180 - section.heading_deg) % 360
+        alignment = Alignment(section.x_m, section.y_m, heading, covariance, section.z_m)
         return Aligned(replace(site_map, alignment=replace(alignment, anchor=anchor)))
     mapped = known_places(site_map, source)
     placements = {name: placement.covariance for name, placement in site_map.placements.items()}
@@ -90,11 +91,6 @@ class _Choice:
     scale: Measured | None
     notes: Sequence[str]
     inflation: float = 1.0
-
-
-def _given(section: AlignSection, x_m: float, y_m: float, heading_deg: float) -> Alignment:
-    covariance = np.diag(np.square([section.sigma_m, section.sigma_m, section.sigma_deg]))
-    return Alignment(x_m, y_m, _wrapped_deg(heading_deg), covariance, section.z_m)
 
 
 def _chosen(equations: PlaceEquations, source: KnownAlignment) -> _Choice:
@@ -260,7 +256,3 @@ def _prediction(place: KnownPlace, fit: RigidFit) -> tuple[Floats, float, Floats
     whole = spread + across @ slopes @ fit.covariance @ slopes.T @ across
     squares = float(off @ np.linalg.pinv(whole) @ off)
     return off, max(squares, 0.0) ** 0.5, spread
-
-
-def _wrapped_deg(angle: float) -> float:
-    return 180 - (180 - angle) % 360
