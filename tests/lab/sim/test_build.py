@@ -14,7 +14,7 @@ from savmap.lab.sim.scene.build import Built, build, face_size, mapped_rows, row
 from savmap.lab.sim.scene.files import Scene, load_scene, parse_scene
 from savmap.types import Floats
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "scenes"
+EXAMPLES = Path(__file__).parents[3] / "examples" / "scenes"
 
 
 def test_fronts_of_every_mapped_row_are_where_the_survey_says(built: Built) -> None:

@@ -12,7 +12,7 @@ from savmap.lab.label.formats import LabelledPicture, write_set
 from savmap.lab.label.polygons import outlines
 from savmap.lab.train.plan import TrainingPlan
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[3]
 MODELS = {name: ROOT / "plugins" / name / f"savmap_{name}" / "model" / f"{name}.onnx" for name in ("shelves", "lights")}
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-MODELS = sorted((Path(__file__).parents[2] / "plugins").glob("*/savmap_*/model/*.onnx"))
+MODELS = sorted((Path(__file__).parents[3] / "plugins").glob("*/savmap_*/model/*.onnx"))
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.name)

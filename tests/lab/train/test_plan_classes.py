@@ -4,7 +4,7 @@ from pathlib import Path
 
 from savmap.lab.train.plan import trained_classes
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
 
 

@@ -17,7 +17,7 @@ from savmap.vision.views import Renderer
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[3]
 CLIP = ROOT / "examples" / "aisle-dev" / "aisle-dev.mp4"
 FACE, CEILING = ViewSpec("face", yaw_deg=-80.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 89.0, hfov_deg=110.0)
 
