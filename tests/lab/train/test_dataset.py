@@ -17,7 +17,7 @@ from savmap.lab.train.data.dataset import (
     sampling_weights,
     split,
 )
-from savmap.lab.train.data.shapes import Shapes
+from savmap.lab.train.data.sets import Shapes
 
 from .conftest import write_dataset
 

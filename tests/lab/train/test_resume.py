@@ -82,12 +82,3 @@ def test_other_data_begin_anew(plan: TrainingPlan) -> None:
     lines: list[str] = []
     assert resumed(ResumeFile(path, whole), None, lambda _, line: lines.append(line)).steps == 0  # type: ignore[arg-type]
     assert lines == ["beginning anew: m.resume.pt is of other data or settings"]
-
-
-def test_corrected_outlines_begin_anew() -> None:
-    from savmap.lab.train.data.shapes import Shapes
-
-    square = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
-    first = Shapes(8, 8, [(1, [square])])
-    assert first.digest == Shapes(8, 8, [(1, [square])]).digest
-    assert len({first.digest, Shapes(8, 8, [(1, [square + 1])]).digest, Shapes(8, 8, [(2, [square])]).digest}) == 3
