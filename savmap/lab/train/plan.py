@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -175,11 +176,16 @@ def require_possible(plan: TrainingPlan) -> None:
 
 
 def float_model(model: Path) -> Path:
-    """The float32 network beside the one that a plugin uses. Raises ModelError where there is none."""
+    """The float32 network beside the one that a plugin uses. Raises ModelError where there is none, as in an installed
+    wheel."""
     name = model.name.removesuffix(".int8.onnx").removesuffix(".onnx")
     path = model.with_name(f"{name}.onnx")
     if not path.is_file():
-        raise ModelError(f"{path}: no float32 network to fine-tune; give one with --init FILE.onnx")
+        raise ModelError(
+            f"{path}: no float32 network to train on is there. Wheels of savmap leave theirs out: take it from the source "
+            f"distribution (pip download --no-deps --no-binary savmap savmap=={version('savmap')}) or the repository, "
+            "and put it there, or name it with --init FILE.onnx"
+        )
     return path
 
 

@@ -4,13 +4,15 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from savmap.errors import ModelError, OutputError, SiteError
+from savmap.errors import ModelError, OutputError, SavmapError, SiteError
 from savmap.lab import commands
 from savmap.lab.commands import network_lines
+from savmap.lab.train import plan as plans
 from savmap.lab.train import train
 from savmap.lab.train.data.dataset import MaskFile, Sample, held_out
 from savmap.lab.train.data.sets import read_sets
@@ -111,8 +113,17 @@ def test_what_a_run_begins_with_is_not_written_over(tmp_path: Path, monkeypatch:
 
 def test_the_float_network_beside_the_one_in_use(tmp_path: Path) -> None:
     assert float_model(MODELS["lights"].with_name("lights.int8.onnx")) == MODELS["lights"]
-    with pytest.raises(ModelError, match=r"own\.onnx: no float32 network to fine-tune"):
-        float_model(tmp_path / "own.int8.onnx")
+
+
+def test_without_the_float_network_it_is_said_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in an installed wheel, which has the networks in integers alone."""
+    integers = tmp_path / "posts.int8.onnx"
+    integers.touch()
+    monkeypatch.setattr(plans, "load_class", lambda name: SimpleNamespace(model=integers))
+    where = r"posts\.onnx: no float32 .* pip download --no-deps --no-binary savmap savmap==\d.* or name it with --init"
+    with pytest.raises(SavmapError, match=where) as error:
+        plans.plan_of("posts", plans.TrainOptions([tmp_path], tmp_path / "m.onnx", init=plans.SHIPPED))
+    assert "\n" not in str(error.value)
 
 
 def test_options_of_fine_tuning_need_a_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
