@@ -55,9 +55,9 @@ def completed(labels: Bytes, maps: Maps) -> Bytes:
     """Labels (H, W) of a view, completed and corrected by a network's probabilities (1 + classes, H, W)."""
     best = maps.argmax(axis=0).astype(np.uint8)
     seen = np.where(maps.max(axis=0) >= SURE, best, IGNORE)
-    judged = labels != IGNORE
-    agreed = np.take_along_axis(maps, np.where(judged, labels, 0)[None].astype(np.intp), axis=0)[0]
-    return np.where(judged, np.where(agreed < REFUTED, best, labels), seen).astype(np.uint8)
+    valid = labels != IGNORE
+    agreed = np.take_along_axis(maps, np.where(valid, labels, 0)[None].astype(np.intp), axis=0)[0]
+    return np.where(valid, np.where(agreed < REFUTED, best, labels), seen).astype(np.uint8)
 
 
 def magnified(predict: Predictor, zooms: Sequence[float] = ZOOMS) -> Predictor:

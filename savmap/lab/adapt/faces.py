@@ -73,19 +73,19 @@ def outlines_of(
     class agree, all are unsure by a third of their thickness: a row without one sure member of a class would teach that
     there is none. Structures that are `doubted`, by their ids, are unsure all over.
     """
-    found: list[tuple[str, Floats, _Sides]] = []
-    known: list[bool] = []
+    rings: list[tuple[str, Floats, _Sides]] = []
+    trusted: list[bool] = []
     for structure in structures:
         order = ring(structure.edges, len(structure.vertices)) if structure.label in classes else None
         if order is not None:
             corners, covariances = structure.vertices[order], structure.covariances[order]
-            found.append((structure.label, corners, _Sides.of(corners, covariances)))
-            known.append(structure.id not in doubted)
-    usual = _usual_around([sides for _, _, sides in found])
-    doubts = _doubts([label for label, _, _ in found], [sides for _, _, sides in found], known)
+            rings.append((structure.label, corners, _Sides.of(corners, covariances)))
+            trusted.append(structure.id not in doubted)
+    usual = _usual_around([sides for _, _, sides in rings])
+    doubts = _doubts([label for label, _, _ in rings], [sides for _, _, sides in rings], trusted)
     return [
         Outline(label, corners, np.maximum(doubt, np.minimum(2 * np.maximum(sides.sigmas - least, 0), sides.sizes / 4)))
-        for (label, corners, sides), least, doubt in zip(found, usual, doubts, strict=True)
+        for (label, corners, sides), least, doubt in zip(rings, usual, doubts, strict=True)
     ]
 
 
@@ -129,19 +129,19 @@ def _usual_around(outlines: Sequence[_Sides]) -> list[Floats]:
     return np.split(least, np.cumsum([len(sides.sigmas) for sides in outlines])[:-1])
 
 
-def _doubts(labels: Sequence[str], outlines: Sequence[_Sides], known: Sequence[bool]) -> list[Floats]:
+def _doubts(labels: Sequence[str], outlines: Sequence[_Sides], trusted: Sequence[bool]) -> list[Floats]:
     """For the sides (n,) of each outline, how far around them, m, it is wrong of itself: its thickness is not its
-    class's, or it is not `known` that it is there."""
+    class's, or it is not `trusted` that it is there."""
     thickness, names = np.array([sides.thickness for sides in outlines]), np.array(labels)
     doubts: list[Floats] = []
-    for label, sides, there in zip(labels, outlines, known, strict=True):
-        own = thickness[names == label]
-        usual = most_common(own)
-        alike = np.abs(own - usual) <= ODD * usual
+    for label, sides, trusts in zip(labels, outlines, trusted, strict=True):
+        sizes = thickness[names == label]
+        usual = most_common(sizes)
+        alike = np.abs(sizes - usual) <= ODD * usual
         doubt = max(sides.thickness, usual) / 2 if abs(sides.thickness - usual) > ODD * usual else 0.0
         if alike.mean() < FEWEST_ALIKE:
             doubt = sides.thickness / 3
-        if not there:
+        if not trusts:
             doubt = max(sides.thickness, usual)
         doubts.append(np.where(sides.sizes < LONG * sides.thickness, doubt, 0.0))
     return doubts
@@ -162,16 +162,16 @@ def most_common(sizes: Floats) -> float:
 def ring(edges: Ints, count: int) -> list[int] | None:
     """The numbers of `count` vertices in their order around the ring that edges (m, 2) make; None where they make no
     single ring."""
-    beside: dict[int, list[int]] = {number: [] for number in range(count)}
+    neighbours: dict[int, list[int]] = {number: [] for number in range(count)}
     for first, second in np.asarray(edges).reshape(-1, 2).tolist():
-        beside[first].append(second)
-        beside[second].append(first)
-    if count < 3 or any(len(others) != 2 for others in beside.values()):
+        neighbours[first].append(second)
+        neighbours[second].append(first)
+    if count < 3 or any(len(others) != 2 for others in neighbours.values()):
         return None
     order, last = [0], -1
     while len(order) <= count:
         here = order[-1]
-        following = next((other for other in beside[here] if other != last), last)
+        following = next((other for other in neighbours[here] if other != last), last)
         if following == 0:
             break
         order.append(following)

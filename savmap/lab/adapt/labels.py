@@ -60,14 +60,14 @@ def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: P
         return sets
     classes = job.opened(next(iter(job.site.rows)), plugin).classes
     shared = list(labelled_views(job, plugin, site_map, count, monitor))
-    labelled = [one for _, one in shared]
+    labelled = [view for _, view in shared]
     if len(labelled) < LEAST_VIEWS:
         raise StructureError(
             f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
             "site, or label some by hand (`savmap label`)"
         )
     for name in SETS:
-        write_set(folder / name, classes, [one for own, one in shared if own == name])
+        write_set(folder / name, classes, [view for goes_to, view in shared if goes_to == name])
     return sets
 
 
@@ -81,10 +81,10 @@ def labelled_views(
     outlines = {
         name: outlines_of(row.structures[plugin], loaded[name].classes, doubted_of(row)) for name, row in rows.items()
     }
-    found = {name: views_of(row, outlines[name]) for name, row in rows.items()}
-    total, pattern = sum(map(len, found.values())), cycle(PATTERN)
+    candidates = {name: views_of(row, outlines[name]) for name, row in rows.items()}
+    total, pattern = sum(map(len, candidates.values())), cycle(PATTERN)
     for name, row in rows.items():
-        chosen = evenly(found[name], round(count * len(found[name]) / total) if total else 0)
+        chosen = evenly(candidates[name], round(count * len(candidates[name]) / total) if total else 0)
         shares = _shares(chosen, pattern)
         by_frame = {frame: [spec for of, spec in shares if of == frame] for frame in chosen}
         seen = list(seen_views(row, job.site.rows[name].passes, loaded[name], by_frame, monitor))
@@ -93,10 +93,10 @@ def labelled_views(
 
 def _shares(chosen: Mapping[int, Sequence[ViewSpec]], pattern: Iterator[str]) -> Shares:
     """The sets of the chosen views, and of the turned ones beside each that is learned from."""
-    own = {(frame, spec): next(pattern) for frame, specs in chosen.items() for spec in specs}
-    learned = [one for one, name in own.items() if name == VIEWS]
-    beside = {(frame, turned(spec, frame, number)): VIEWS for frame, spec in learned for number in range(TURNED)}
-    return own | beside
+    sets = {(frame, spec): next(pattern) for frame, specs in chosen.items() for spec in specs}
+    learned = [view for view, name in sets.items() if name == VIEWS]
+    turned_views = {(frame, turned(spec, frame, number)): VIEWS for frame, spec in learned for number in range(TURNED)}
+    return sets | turned_views
 
 
 def _labelled(
@@ -105,13 +105,18 @@ def _labelled(
     if not seen:
         return
     mapped = {*row.views.values()}
-    packed_views, classes = [one.packed_view for one in seen if one.spec in mapped], seen[0].classes
-    known = [KnownFace.of(face, gather(face.patch, classes, packed_views, row.views, row.trajectory)) for face in faces]
+    packed_views, classes = [view.packed_view for view in seen if view.spec in mapped], seen[0].classes
+    known_faces = [
+        KnownFace.of(face, gather(face.patch, classes, packed_views, row.views, row.trajectory)) for face in faces
+    ]
     poses, settings = poses_of(row), MaskSettings()
-    for one in seen:
-        mask = mask_of(one.packed_view, one.spec, poses[one.frame], known, plugin.classes, settings)
+    for view in seen:
+        mask = mask_of(view.packed_view, view.spec, poses[view.frame], known_faces, plugin.classes, settings)
         if np.mean((mask > 0) & (mask != IGNORE)) >= LEAST_SHOWN:
-            yield shares[one.frame, one.spec], (picture_name(row.name, one.spec.name, one.frame), one.picture, mask)
+            yield (
+                shares[view.frame, view.spec],
+                (picture_name(row.name, view.spec.name, view.frame), view.picture, mask),
+            )
 
 
 def write_set(folder: Path, classes: Sequence[str], labelled: Iterable[Labelled]) -> None:

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.lab.adapt.faces import Face, Outline
+from savmap.lab.label.polygons import filled
 from savmap.types import Bools, Floats, PlaneEvidence, ViewSpec
 from savmap.vision.evidence import PackedView
 from savmap.vision.evidence.planes import outline_in
 
 IGNORE = 255
 BEHIND = -9.0
-FINER, MOST_PX = 8, 2000.0
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 
@@ -72,14 +72,14 @@ def mask_of(
 ) -> Bytes:
     """The labels (height, width) of a view: 0 background, k for classes[k - 1], 255 not to be judged."""
     labels = np.full((view.height, view.width), IGNORE, np.uint8)
-    shown_faces = [ShownFace(known, packed_view, view, world_from_rig, settings) for known in faces]
+    shown_faces = [ShownFace(mapped, packed_view, view, world_from_rig, settings) for mapped in faces]
     places = [(shown, outline, shown.pixels_of(outline)) for shown in shown_faces for outline in shown.outlines]
     for shown in shown_faces:
         labels[shown.empty] = 0
     for shown in shown_faces:
         labels[shown.inside & ~shown.empty] = IGNORE
     for shown in shown_faces:
-        labels[shown.inside & _beside([core for own, _, core in places if own is shown], settings.spill_px)] = 0
+        labels[shown.inside & _beside([core for face, _, core in places if face is shown], settings.spill_px)] = 0
     for shown, outline, core in places:
         labels[core] = np.where(shown.agrees(outline.label)[core], classes.index(outline.label) + 1, IGNORE)
     for _, outline, _ in places:
@@ -97,50 +97,50 @@ class ShownFace:
     """A face as a view shows it: for each pixel, what the evidence says of the plane's point behind it."""
 
     def __init__(
-        self, known: KnownFace, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats, settings: MaskSettings
+        self, mapped: KnownFace, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats, settings: MaskSettings
     ) -> None:
-        self.known, self.settings, self.view, self.world_from_rig = known, settings, view, world_from_rig
-        self.cells, self.inside = _cells(known.face, view, world_from_rig, settings.aslant)
+        self.mapped, self.settings, self.view, self.world_from_rig = mapped, settings, view, world_from_rig
+        self.cells, self.inside = _cells(mapped.face, view, world_from_rig, settings.aslant)
         size = (view.width, view.height)
-        classes = known.evidence.classes
+        classes = mapped.evidence.classes
         self.seen = {
-            label: cv2.resize(own, size, interpolation=cv2.INTER_LINEAR)
-            for label, own in zip(classes, packed_view.probabilities(), strict=True)
+            label: cv2.resize(probability, size, interpolation=cv2.INTER_LINEAR)
+            for label, probability in zip(classes, packed_view.probabilities(), strict=True)
         }
-        self.mean = {label: self._warped(known.evidence.of(label)) for label in classes}
+        self.mean = {label: self._warped(mapped.evidence.of(label)) for label in classes}
         self.alike = self._alike(packed_view.image())
 
     @property
     def outlines(self) -> Sequence[Outline]:
         """What was mapped in the face."""
-        return self.known.face.outlines
+        return self.mapped.face.outlines
 
     def pixels_of(self, outline: Outline) -> Bools:
         """The pixels within an outline."""
         place = outline_in(self.view, self.world_from_rig, outline.corners)
         shape = (self.view.height, self.view.width)
-        return filled(place, shape) if place is not None else np.zeros(shape, np.bool_)
+        return filled(place, *shape) if place is not None else np.zeros(shape, np.bool_)
 
     @property
     def empty(self) -> Bools:
         """Where the mapped part of the plane shows hardly any evidence of any class."""
         nothing = self.inside.copy()
         for label, mean in self.mean.items():
-            nothing &= mean < max(self.settings.empty * self.known.usual[label], self.settings.faintest)
+            nothing &= mean < max(self.settings.empty * self.mapped.usual[label], self.settings.faintest)
         return nothing
 
     def agrees(self, label: str) -> Bools:
         """Where the evidence of a class is strong and the frame does not contradict it."""
         mean, seen = self.mean[label], self.seen[label]
-        supported = mean >= max(self.settings.supported * self.known.usual[label], self.settings.faintest)
+        supported = mean >= max(self.settings.supported * self.mapped.usual[label], self.settings.faintest)
         return np.asarray(self.inside & supported & ((seen >= self.settings.contradicted * mean) | self.alike))
 
     def _alike(self, image: Bytes) -> Bools:
         """Where the view looks like the plane in all frames together."""
-        own = cv2.blur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3))
-        usual = self._warped(cv2.cvtColor(self.known.evidence.picture, cv2.COLOR_RGB2GRAY).astype(np.float32))
-        spread = float(own[self.inside].std()) if self.inside.any() else 0.0
-        return np.asarray(np.abs(own - usual) < min(self.settings.alike, spread / 2), np.bool_)
+        grey = cv2.blur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32), (3, 3))
+        usual = self._warped(cv2.cvtColor(self.mapped.evidence.picture, cv2.COLOR_RGB2GRAY).astype(np.float32))
+        spread = float(grey[self.inside].std()) if self.inside.any() else 0.0
+        return np.asarray(np.abs(grey - usual) < min(self.settings.alike, spread / 2), np.bool_)
 
     def _warped(self, values: Singles) -> Singles:
         """What a patch (rows, columns) holds at each pixel (height, width)."""
@@ -178,24 +178,6 @@ def _blur_edges(
             start, end = side[0], side[-1]
             along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
             across = width * np.array([-along[1], along[0]])
-            labels[filled(np.array([start - across, end - across, end + across, start + across]), labels.shape)] = (
+            labels[filled(np.array([start - across, end - across, end + across, start + across]), *labels.shape)] = (
                 IGNORE
             )
-
-
-def filled(outline: Floats, shape: tuple[int, ...]) -> Bools:
-    """The pixels of a view (height, width) whose middles are within an outline (n, 2) px.
-
-    OpenCV also fills all pixels that the outline passes through, a pixel more in all: too much for what is five pixels
-    thick.
-    """
-    mask, middle = np.zeros(shape, np.bool_), FINER // 2
-    size = np.array(shape[::-1])
-    low = np.clip(np.floor(outline.min(axis=0)), 0, size).astype(int)
-    high = np.clip(np.ceil(outline.max(axis=0)) + 1, 0, size).astype(int)
-    if np.all(high > low):
-        fine = np.zeros(FINER * (high - low)[::-1], np.uint8)
-        places = FINER * (np.clip(outline, -MOST_PX, MOST_PX) - low) + middle
-        cv2.fillPoly(fine, [np.round(16 * places).astype(np.int32)], 1, shift=4)
-        mask[low[1] : high[1], low[0] : high[0]] = fine[middle::FINER, middle::FINER]
-    return mask

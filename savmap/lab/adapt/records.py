@@ -69,7 +69,9 @@ class State:
 
 def _sound(row: RowMap, plugin: str, classes: Sequence[str]) -> int:
     doubted = doubted_of(row)
-    return sum(one.label in classes and one.id not in doubted for one in row.structures.get(plugin, ()))
+    return sum(
+        structure.label in classes and structure.id not in doubted for structure in row.structures.get(plugin, ())
+    )
 
 
 def doubted_of(row: RowMap) -> frozenset[str]:
@@ -130,7 +132,7 @@ class Adapted:
     @property
     def kept(self) -> RoundResult | None:
         """The last round that was kept."""
-        return next((one for one in reversed(self.rounds) if one.kept), None)
+        return next((result for result in reversed(self.rounds) if result.kept), None)
 
     def as_json(self) -> dict[str, Any]:
         """For report.json."""
@@ -143,7 +145,7 @@ class Adapted:
             "iou": {"before": dict(self.iou_before), "after": dict(self.iou_after)},
             "other places": dict(zip(("before", "after"), map(dict, self.others), strict=True)),
             "structures": {"before": self.structures_before, "after": self.structures_after},
-            "rounds": [one.as_json() for one in self.rounds],
+            "rounds": [result.as_json() for result in self.rounds],
         }
 
 

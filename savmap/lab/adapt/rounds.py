@@ -124,8 +124,10 @@ def most_agreeing(work: Adaptation, start: State, sets: LabelSets) -> State:
         for model in dict.fromkeys([start.model, *work.candidates])
     }
     best = max(agreement, key=lambda model: agreement[model])
-    told = ", ".join(f"{model.name} {share:.3f}" for model, share in agreement.items())
-    work.monitor.note(f"`{work.plugin}` is taught beginning with {best.name}, which agrees best with the map ({told})")
+    listed = ", ".join(f"{model.name} {share:.3f}" for model, share in agreement.items())
+    work.monitor.note(
+        f"`{work.plugin}` is taught beginning with {best.name}, which agrees best with the map ({listed})"
+    )
     return replace(start, model=best, trainable=float_model(best))
 
 
@@ -147,11 +149,11 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
         [sha256(model) for model in work.candidates],
     ]
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-    known = folder / KEY
-    if not known.is_file() or known.read_text(encoding="utf-8") != key:
+    key_file = folder / KEY
+    if not key_file.is_file() or key_file.read_text(encoding="utf-8") != key:
         shutil.rmtree(folder, ignore_errors=True)
         prepare(folder)
-        write_text(known, key)
+        write_text(key_file, key)
     return folder
 
 
@@ -179,8 +181,8 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     _lesson(work, teacher, folder / f"{TEACHER}.json", f"training a teacher of {work.plugin} by the map")
     with work.meter("labelling by the teacher, magnified") as progress:
         completed = {
-            one: distilled(teacher.output, one, folder / f"{DISTILLED}{one.name}", teacher.classes, progress)
-            for one in (sets.views, sets.choice)
+            source: distilled(teacher.output, source, folder / f"{DISTILLED}{source.name}", teacher.classes, progress)
+            for source in (sets.views, sets.choice)
         }
     measured = [sets.held_out, *([work.others] if work.others else [])]
     student = replace(
@@ -196,10 +198,10 @@ def _trained(work: Adaptation, folder: Path, start: State, sets: LabelSets) -> M
     )
     scores = _lesson(work, student, folder / SCORES, f"training {work.plugin} by what the teacher sees")
     return {
-        one.name: {
-            when: {label: score["iou"][label] for label in work.classes} for when, score in scores[one.name].items()
+        source.name: {
+            when: {label: score["iou"][label] for label in work.classes} for when, score in scores[source.name].items()
         }
-        for one in measured
+        for source in measured
     }
 
 
@@ -209,13 +211,13 @@ def _budget(options: AdaptOptions, share: float) -> tuple[float, int | None]:
     return share * minutes_of(options.minutes, fine_tunes=True), steps
 
 
-def _lesson(work: Adaptation, plan: TrainingPlan, known: Path, doing: str) -> Mapping[str, Any]:
+def _lesson(work: Adaptation, plan: TrainingPlan, scores_file: Path, doing: str) -> Mapping[str, Any]:
     """The scores of a training, which is done unless they are there."""
-    if not known.is_file():
+    if not scores_file.is_file():
         with work.meter(doing) as progress:
             network = train(plan, progress)
-        write_text(known, json.dumps(network.recipe["scores"], indent=1) + "\n")
-    scores: Any = read_json(known)
+        write_text(scores_file, json.dumps(network.recipe["scores"], indent=1) + "\n")
+    scores: Any = read_json(scores_file)
     return dict(scores)
 
 
@@ -227,8 +229,8 @@ def _judged(
     trained = "int8" if _in_integers(start.model) else "after"
     before, after = scores[HELD_OUT]["before"], scores[HELD_OUT][trained]
     others = scores[work.others.name] if work.others else {"before": {}, trained: {}}
-    there = start.structures(work.plugin, work.classes)
-    result = RoundResult(number, 0, 0, before, after, there, None, False, "", others["before"], others[trained])
+    structures = start.structures(work.plugin, work.classes)
+    result = RoundResult(number, 0, 0, before, after, structures, None, False, "", others["before"], others[trained])
     if mean(after) <= mean(before):
         return replace(result, why="the network agrees no better with the map on views held out"), start
     if mean(result.others_after) < (mean(result.others_before) if others_first is None else others_first) - FORGOTTEN:

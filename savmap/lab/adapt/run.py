@@ -75,9 +75,9 @@ def adapt(
     prepare(folder)
     with locked(folder):
         candidates = [opened.model, *further] if (further := further_models(opened)) else []
-        alone = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter, None, candidates)
-        first = first_state(alone, model, opened.model_file, trainable, output / "map.json")
-        work = _beside_other_places(alone)
+        base = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter, None, candidates)
+        first = first_state(base, model, opened.model_file, trainable, output / "map.json")
+        work = _beside_other_places(base)
         results, state = _rounds(work, first)
         return _finished(work, first, state, results)
 
@@ -88,9 +88,9 @@ def _beside_other_places(work: Adaptation) -> Adaptation:
     def pictures(count: int, folder: str, *seed: int) -> Path | None:
         return practice_set(work.plugin, work.classes, count, work.folder / folder, work.monitor, *seed)
 
-    own = None if work.replay else pictures(work.options.practice, PRACTICE)
+    practice = None if work.replay else pictures(work.options.practice, PRACTICE)
     others = pictures(OTHERS, OTHER_PLACES, OTHER_SEED)
-    return replace(work, replay=[*work.replay, *([own] if own else [])], others=others)
+    return replace(work, replay=[*work.replay, *([practice] if practice else [])], others=others)
 
 
 def job_to_adapt(source: Path, output: Path, options: AdaptOptions, overrides: Sequence[Override]) -> Job:
@@ -101,7 +101,7 @@ def job_to_adapt(source: Path, output: Path, options: AdaptOptions, overrides: S
         )
     job = job_of_rows(job_for(source, None, output, overrides=overrides), options.rows)
     for name, row in job.site.rows.items():
-        remote = next((one.video for one in row.passes if is_url(one.video)), None)
+        remote = next((row_pass.video for row_pass in row.passes if is_url(row_pass.video)), None)
         if remote is not None:
             raise SiteError(f"row {name}: {remote}: adapting needs local files: copy the footage")
     return job if job.site.plugins or options.plugin is None else replace(job, plugins=[options.plugin])
@@ -127,34 +127,36 @@ def used_network(job: Job, name: str, monitor: Monitor) -> Path:
     ModelError, PluginError."""
     chosen: Counter[Path] = Counter()
     rows = [*job.site.rows]
-    own = job.opened(rows[0], name).model
+    default = job.opened(rows[0], name).model
     few = np.linspace(0, len(rows) - 1, min(len(rows), MOST_LOOKED_AT)).round().astype(int)
     for row in (rows[number] for number in few.tolist()):
         with suppress(VideoError, StructureError):
             chosen[best_for_pass(job.site.rows[row].passes[0], job.opened(row, name), Renderer()).model] += 1
-    most = max(chosen, key=lambda model: (chosen[model], model == own), default=own)
-    if most != own:
+    most = max(chosen, key=lambda model: (chosen[model], model == default), default=default)
+    if most != default:
         monitor.note(f"`{name}` first looks with {most.name}, which sees more here")
     return most
 
 
-def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, there: Path) -> State:
+def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, map_file: Path) -> State:
     """The network to begin with, and the map to learn from: the one in the output folder that the same networks made
     (`model_file`, the plugin's own), or a new one, in which each row is looked at by the network that sees more. Raises
     StructureError where that has no structures to learn from, and SavmapError's kinds where there is none."""
     rows = work.job.site.rows
-    known = read_map(there) if there.is_file() else None
+    existing = read_map(map_file) if map_file.is_file() else None
     if (
-        known
-        and known.made_by.get(f"model {work.plugin}") == network_digest(model_file)
-        and {*known.rows, *known.failed} >= {*rows}
+        existing
+        and existing.made_by.get(f"model {work.plugin}") == network_digest(model_file)
+        and {*existing.rows, *existing.failed} >= {*rows}
     ):
-        work.monitor.note(f"using {there}")
-        mine = {name: row for name, row in known.rows.items() if name in rows}
-        state = State(model, trainable, there, replace(known, rows=mine))
+        work.monitor.note(f"using {map_file}")
+        mine = {name: row for name, row in existing.rows.items() if name in rows}
+        state = State(model, trainable, map_file, replace(existing, rows=mine))
     else:
         state = work.mapped(model, trainable, work.folder / FIRST, named=False)
-    structures = [one for row in state.site_map.rows.values() for one in row.structures.get(work.plugin, ())]
+    structures = [
+        structure for row in state.site_map.rows.values() for structure in row.structures.get(work.plugin, ())
+    ]
     if not outlines_of(structures, work.classes):
         raise StructureError(
             f"{state.map_file}: has no outlines of `{work.plugin}` ({', '.join(work.classes)}) to learn from; see why it maps none"
@@ -177,7 +179,7 @@ def _rounds(work: Adaptation, state: State) -> tuple[list[RoundResult], State]:
 
 def _finished(work: Adaptation, first: State, state: State, results: Sequence[RoundResult]) -> Adapted:
     """Write the results beside one another."""
-    kept = next((one for one in reversed(results) if one.kept), None)
+    kept = next((result for result in reversed(results) if result.kept), None)
     last = kept or results[-1]
     before = last.iou_before if last.number == 1 else _agreement(work, first.trainable, last.number)
     adapted = Adapted(

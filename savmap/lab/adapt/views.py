@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.lab.adapt.faces import Outline
-from savmap.lab.adapt.masks import filled
+from savmap.lab.label.polygons import filled
 from savmap.pipeline.measure import rendered
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -53,17 +53,19 @@ def poses_of(row: RowMap) -> dict[int, Floats]:
 def views_of(row: RowMap, outlines: Sequence[Outline]) -> list[tuple[int, ViewSpec]]:
     """The frames and views of a row's map that show its outlines, in their order."""
     frames = {spec: _frames(row, spec) for spec in row.views.values()}
-    shares = {spec: _share_shown(row, spec, own, outlines) for spec, own in frames.items() if own}
+    shares = {spec: _share_shown(row, spec, numbers, outlines) for spec, numbers in frames.items() if numbers}
     least = WORTH * max(shares.values(), default=0.0)
-    found = [(frame, spec) for spec, share in shares.items() if share > least for frame in frames[spec]]
-    return sorted(found, key=lambda one: (one[0], one[1].name))
+    candidates = [(frame, spec) for spec, share in shares.items() if share > least for frame in frames[spec]]
+    return sorted(candidates, key=lambda candidate: (candidate[0], candidate[1].name))
 
 
-def evenly(found: Sequence[tuple[int, ViewSpec]], count: int) -> dict[int, list[ViewSpec]]:
+def evenly(candidates: Sequence[tuple[int, ViewSpec]], count: int) -> dict[int, list[ViewSpec]]:
     """At most `count` of the views, evenly chosen, by frame."""
     chosen: dict[int, list[ViewSpec]] = {}
-    for index in np.unique(np.linspace(0, len(found) - 1, min(count, len(found))).round().astype(int)).tolist():
-        frame, spec = found[index]
+    for index in np.unique(
+        np.linspace(0, len(candidates) - 1, min(count, len(candidates))).round().astype(int)
+    ).tolist():
+        frame, spec = candidates[index]
         chosen.setdefault(frame, []).append(spec)
     return chosen
 
@@ -108,8 +110,8 @@ def seen_views(
 
 def _frames(row: RowMap, spec: ViewSpec) -> list[int]:
     """The frames with a pose that a view is rendered from."""
-    known = row.trajectory.frames.tolist()
-    return [f for f in known if spec.shows(f) and spec.name.startswith(f"{row.frames.passes[f]} / ")]
+    posed = row.trajectory.frames.tolist()
+    return [f for f in posed if spec.shows(f) and spec.name.startswith(f"{row.frames.passes[f]} / ")]
 
 
 def _share_shown(row: RowMap, spec: ViewSpec, frames: Sequence[int], outlines: Sequence[Outline]) -> float:
@@ -120,6 +122,6 @@ def _share_shown(row: RowMap, spec: ViewSpec, frames: Sequence[int], outlines: S
         for outline in outlines:
             place = outline_in(spec, poses[frames[index]], outline.corners)
             if place is not None:
-                mask |= filled(place, mask.shape)
+                mask |= filled(place, *mask.shape)
         seen = np.append(seen, mask.mean())
     return float(seen.mean())

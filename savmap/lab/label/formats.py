@@ -65,9 +65,9 @@ class LabelledSet:
 
 def require_unused(folder: Path) -> None:
     """Raise OutputError where a folder holds labels already: someone may have corrected them."""
-    there = next((name for name in (COCO, YOLO, IMAGES, LABELS) if (folder / name).exists()), None)
-    if there is not None:
-        raise OutputError(f"{folder}: holds {there} already, which may have been corrected; choose another -o")
+    existing = next((name for name in (COCO, YOLO, IMAGES, LABELS) if (folder / name).exists()), None)
+    if existing is not None:
+        raise OutputError(f"{folder}: holds {existing} already, which may have been corrected; choose another -o")
 
 
 def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledPicture]) -> LabelledSet:

@@ -44,9 +44,9 @@ def _corner_grid(mask: Mask) -> NDArray[np.uint8]:
 def _with_holes(ring: Polygon, holes: list[Polygon]) -> Polygon:
     """One ring that goes round the outline and, from its nearest corner, round each hole and back."""
     for hole in holes:
-        apart = np.linalg.norm(ring[:, None] - hole[None], axis=2)
-        here, there = np.unravel_index(int(apart.argmin()), apart.shape)
-        round_hole = np.roll(hole, -int(there), axis=0)
+        distances = np.linalg.norm(ring[:, None] - hole[None], axis=2)
+        here, start = np.unravel_index(int(distances.argmin()), distances.shape)
+        round_hole = np.roll(hole, -int(start), axis=0)
         ring = np.concatenate([ring[: here + 1], round_hole, round_hole[:1], ring[here:]])
     return ring
 

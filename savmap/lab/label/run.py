@@ -68,8 +68,8 @@ class ViewPredictor:
     def maps(self, view: View) -> NDArray[np.float32]:
         """Probabilities (1 + classes, h, w) of the plugin's classes, what is left being background."""
         maps = self.segmenter.probabilities(view.image)
-        known = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
-        return np.concatenate([np.clip(1 - known.sum(axis=0, keepdims=True), 0, 1), known])
+        shares = maps[[self.segmenter.classes.index(name) + 1 for name in self.classes]]
+        return np.concatenate([np.clip(1 - shares.sum(axis=0, keepdims=True), 0, 1), shares])
 
 
 def label(
@@ -188,8 +188,8 @@ def worth_and_features(
     unsure = np.array([candidate.uncertainty for candidate in candidates])
     changed = np.array([candidate.disagreement for candidate in candidates])
     times = np.array([[candidate.frame / recordings[candidate.recording].frames] for candidate in candidates])
-    known = list(dict.fromkeys((candidate.recording, candidate.spec) for candidate in candidates))
-    kinds = np.eye(len(known))[[known.index((candidate.recording, candidate.spec)) for candidate in candidates]]
+    origins = list(dict.fromkeys((candidate.recording, candidate.spec) for candidate in candidates))
+    kinds = np.eye(len(origins))[[origins.index((candidate.recording, candidate.spec)) for candidate in candidates]]
     looks = np.array([candidate.descriptor for candidate in candidates])
     spread = max(float(np.sqrt(looks.var(axis=0).sum())), 1e-9)
     features = np.hstack([looks / spread, TIME_WEIGHT * times, PASS_WEIGHT * kinds])
@@ -212,8 +212,8 @@ def pictures(
                 view = predictor.renderer.render(panorama, spec)
                 classes = predictor.maps(view).argmax(axis=0)
                 shapes = {name: outlines(classes == value) for value, name in enumerate(predictor.classes, start=1)}
-                plain = picture_name(recording.row, spec.name, panorama.frame)
-                name = next(name for more in numbers() if (name := "x-" * more + plain) not in names)
+                stem = picture_name(recording.row, spec.name, panorama.frame)
+                name = next(name for more in numbers() if (name := "x-" * more + stem) not in names)
                 names.add(name)
                 yield LabelledPicture(name, view.image, shapes)
 

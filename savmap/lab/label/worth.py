@@ -40,8 +40,8 @@ def seen_view(image: Image, maps: Maps) -> SeenView:
 def borders(classes: Classes, width: int) -> NDArray[np.bool_]:
     """(h, w): within about half of `width` px of where one class ends and another begins."""
     around = np.ones((width, width), np.uint8)
-    apart: NDArray[np.bool_] = cv2.dilate(classes, around) != cv2.erode(classes, around)
-    return apart
+    edges: NDArray[np.bool_] = cv2.dilate(classes, around) != cv2.erode(classes, around)
+    return edges
 
 
 def uncertainty(maps: Maps) -> float:
@@ -74,11 +74,11 @@ def disagreement(before: SeenView, after: SeenView) -> float:
         borderMode=cv2.BORDER_CONSTANT,
         borderValue=(255,),
     )
-    judged = (moved != 255) & ((before.classes > 0) | (moved > 0))
+    compared = (moved != 255) & ((before.classes > 0) | (moved > 0))
     changed = (
-        judged & (moved != before.classes) & ~(borders(before.classes, 3) & borders(np.asarray(moved, np.uint8), 3))
+        compared & (moved != before.classes) & ~(borders(before.classes, 3) & borders(np.asarray(moved, np.uint8), 3))
     )
-    return float(changed.sum() / max(judged.sum(), 1))
+    return float(changed.sum() / max(compared.sum(), 1))
 
 
 def descriptor(image: Image, maps: Maps) -> NDArray[np.float64]:
@@ -107,12 +107,12 @@ def chosen(worth: Floats, features: Floats, count: int) -> list[int]:
     if not len(worth):
         return []
     taken = [int(np.argmax(worth))]
-    apart = np.linalg.norm(features - features[taken[0]], axis=1)
+    distances = np.linalg.norm(features - features[taken[0]], axis=1)
     while len(taken) < count:
-        gain = apart * np.maximum(worth, LEAST_WORTH)
+        gain = distances * np.maximum(worth, LEAST_WORTH)
         best = int(np.argmax(gain))
         if gain[best] <= 0:
             break
         taken.append(best)
-        apart = np.minimum(apart, np.linalg.norm(features - features[best], axis=1))
+        distances = np.minimum(distances, np.linalg.norm(features - features[best], axis=1))
     return sorted(taken)

@@ -63,7 +63,7 @@ def _rays(camera: CameraSample, width: int, height: int, offset: tuple[float, fl
 def view_picture(
     scene: Renderer,
     camera: CameraSample,
-    look: Exposure,
+    appearance: Exposure,
     rng: np.random.Generator,
     classes: Sequence[str],
     size: tuple[int, int] = (WIDTH, HEIGHT),
@@ -76,7 +76,9 @@ def view_picture(
         return _rays(camera, width, height, offset)[chosen]
 
     linear, hits = antialiased(scene, camera.origin, rays_of, (height, width), pixel_rad)
-    picture = developed(linear, metered(look, linear, float(rng.uniform(0.4, 1.0))), _vignette(width, height, rng), rng)
+    picture = developed(
+        linear, metered(appearance, linear, float(rng.uniform(0.4, 1.0))), _vignette(width, height, rng), rng
+    )
     return picture, _mask(scene.caster, hits, (height, width), classes)
 
 
@@ -143,8 +145,8 @@ def write_samples(
 
     Raises OutputError where they are labelled with other classes, or something cannot be written."""
     header = folder / "dataset.json"
-    there = read_json(header) if header.is_file() else {"classes": list(classes)}
-    if not isinstance(there, dict) or there.get("classes") != list(classes):
+    existing = read_json(header) if header.is_file() else {"classes": list(classes)}
+    if not isinstance(existing, dict) or existing.get("classes") != list(classes):
         raise OutputError(f"{header}: is of pictures with other classes; choose another -o, or give the same --classes")
     about = {"format": "savmap-dataset", "version": 1, "classes": list(classes), "renderer": renderer}
     write_text(header, json.dumps(about, indent=1) + "\n")

@@ -30,10 +30,12 @@ def build_posts(section: Mapping[str, Any], site: Site, name: str, label: str) -
     """A box for each post, whose faces have the class `label`, and, for each mapped row's survey, foot and top (n, 2,
     3) m of their fronts under `name`. Raises SceneError for a section that is not as above."""
     posts = validated(Posts, section, f"structures.{name}")
-    fronts = np.array([[[own.x, y, own.z] for y in (0.0, own.height)] for own in posts.stands]).reshape(-1, 2, 3)
+    fronts = np.array([[[stand.x, y, stand.z] for y in (0.0, stand.height)] for stand in posts.stands]).reshape(
+        -1, 2, 3
+    )
     mapped = {row: frame for row, frame in site.frames.items() if frame.mapped}
     survey = {row: {name: frame.to_row(fronts).round(9).tolist()} for row, frame in mapped.items()}
-    return SceneParts([_box(own, posts.color, label) for own in posts.stands], survey)
+    return SceneParts([_box(stand, posts.color, label) for stand in posts.stands], survey)
 
 
 def random_posts(rng: np.random.Generator, site: Site) -> RandomSection:
@@ -48,7 +50,7 @@ def random_posts(rng: np.random.Generator, site: Site) -> RandomSection:
     return RandomSection({"stands": stands, "color": rng.uniform(0.02, 0.8, 3).tolist()})
 
 
-def _box(own: Stand, color: Rgb, label: str) -> Box:
-    middle = np.array([own.x, own.height / 2, own.z - own.width / 2])
-    size = np.array([own.width, own.height, own.width])
+def _box(stand: Stand, color: Rgb, label: str) -> Box:
+    middle = np.array([stand.x, stand.height / 2, stand.z - stand.width / 2])
+    size = np.array([stand.width, stand.height, stand.width])
     return Box(middle, size, Material(color), face_labels=dict.fromkeys(FACES, label))

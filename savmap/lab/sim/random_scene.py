@@ -54,8 +54,8 @@ def random_scene(seed: int, plugins: Sequence[str] = ()) -> Scene:
 
 def classes_of(scene: Scene) -> tuple[str, ...]:
     """The classes of a scene's structures: those of each installed plugin, in the order of the scene file."""
-    known = installed()
-    return tuple(dict.fromkeys(c for name in scene.structures if name in known for c in load_class(name).classes))
+    available = installed()
+    return tuple(dict.fromkeys(c for name in scene.structures if name in available for c in load_class(name).classes))
 
 
 def furnished(seed: int) -> FurnishedScene:
@@ -82,12 +82,14 @@ def furnished(seed: int) -> FurnishedScene:
         "cart": {"start": [0.5, aisle / 2], "end": [8.0, aisle / 2], "height": min(3.0, tallest)},
         "rows": {name: place.model_dump(mode="json") for name, place in rows.items()},
     }
-    plain = parse_scene(content, f"random scene {seed}")
+    unfurnished = parse_scene(content, f"random scene {seed}")
     frames = {name: row_frame(place) for name, place in rows.items()}
-    site = replace(empty, hall=plain.hall, goods=plain.goods, exposure=plain.look, frames=frames, sizes=sizes)
+    site = replace(
+        empty, hall=unfurnished.hall, goods=unfurnished.goods, exposure=unfurnished.look, frames=frames, sizes=sizes
+    )
     sections |= _answers([plugin for plugin in plugins if plugin.name not in sections], rng, site)
     structures = {name: dict(section.section) for name, section in sections.items()}
-    return FurnishedScene(plain.model_copy(update={"structures": structures}), sections, site)
+    return FurnishedScene(unfurnished.model_copy(update={"structures": structures}), sections, site)
 
 
 def _answers(plugins: Sequence[LabPlugin], rng: np.random.Generator, site: Site) -> Iterator[tuple[str, RandomSection]]:

@@ -71,15 +71,15 @@ def simulate(
 def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpec], workers: int) -> None:
     path = drive(built.scene.cart, built.scene.seed)
     _dump(folder / "survey.json", built.survey)
-    known = references(built, path)
-    _dump(folder / "references.json", known)
+    facts = references(built, path)
+    _dump(folder / "references.json", facts)
     _dump(folder / "poses.json", poses(built, path))
     passes = true_passes(built, path) if built.scene.cart.path else []
     if built.scene.cart.path:
         _dump(folder / "passes.json", passes_file(passes))
     resolved = dumped(built.scene.model_dump(mode="json"))
     (folder / "scene.yaml").write_text(resolved, encoding="utf-8")
-    site = dumped(site_of(built, known, passes))
+    site = dumped(site_of(built, facts, passes))
     (folder / "site.yaml").write_text(site, encoding="utf-8")
     monitor.note(f"lighting {len(built.boxes)} boxes")
     scene = renderer(built)
@@ -99,9 +99,9 @@ def _dump(path: Path, content: Mapping[str, Any]) -> None:
 def classes_in(built: Built) -> list[str]:
     """What the masks' values 1, 2, ... mean: the classes of the scene's installed plugins, then those of others, by
     name."""
-    known = classes_of(built.scene)
+    installed = classes_of(built.scene)
     labels = {label for box in built.boxes for label in box.face_labels.values()}
-    return [*known, *sorted(labels - set(known))]
+    return [*installed, *sorted(labels - set(installed))]
 
 
 def _write_masks(
@@ -130,8 +130,8 @@ def references(built: Built, path: Drive) -> dict[str, Any]:
     with sigmas."""
     height = round(float(path.origins[:, 1].mean()), 3)
     travel = round(float(np.ptp(path.origins[:, 0])), 1)
-    known = [part.references for part in built.parts.values()]
-    rows = {f"row_{name}": merged for name in built.survey["rows"] if (merged := _merged(name, known))}
+    facts = [part.references for part in built.parts.values()]
+    rows = {f"row_{name}": merged for name in built.survey["rows"] if (merged := _merged(name, facts))}
     return {
         "camera_height_m": {"value": height, "sigma": 0.02},
         "camera_travel_m": {"value": travel, "note": "roughly, from the start to the end of the clip"},
@@ -159,14 +159,14 @@ def poses(built: Built, path: Drive) -> dict[str, Any]:
     return {"format": "savmap-poses", "version": 1, "units": "m", "rows": rows, "frames": frames}
 
 
-def site_of(built: Built, known: Mapping[str, Any], passes: Sequence[TruePass] = ()) -> dict[str, Any]:
-    """The content of site.yaml for footage.mp4: each mapped row with its references (`known`, as in references.json).
+def site_of(built: Built, facts: Mapping[str, Any], passes: Sequence[TruePass] = ()) -> dict[str, Any]:
+    """The content of site.yaml for footage.mp4: each mapped row with its references (`facts`, as in references.json).
     Along a path the rows have the time ranges of `passes`, and those that it never passes are left out."""
     scene, said = built.scene, [part.site_rows for part in built.parts.values()]
     return {
         "plugins": {name: {} for name in scene.structures},
         "survey": "survey.json",
-        "references": {"camera_height_m": known["camera_height_m"], "travel_m": known["camera_travel_m"]["value"]},
+        "references": {"camera_height_m": facts["camera_height_m"], "travel_m": facts["camera_travel_m"]["value"]},
         "rows": {
             name: {"passes": row_passes, **_merged(name, said)}
             for name, row_passes in _drives(scene, passes).items()

@@ -98,8 +98,10 @@ def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping
 def with_recipe(file: Path, recipe: Mapping[str, object]) -> None:
     """Replace the recipe in a file's metadata. Raises OutputError."""
     model = onnx.load(file)
-    known = {entry.key: entry.value for entry in model.metadata_props}
-    onnx.helper.set_model_props(model, known | {"savmap.recipe": json.dumps(recipe, sort_keys=True)} | _warning(recipe))
+    properties = {entry.key: entry.value for entry in model.metadata_props}
+    onnx.helper.set_model_props(
+        model, properties | {"savmap.recipe": json.dumps(recipe, sort_keys=True)} | _warning(recipe)
+    )
     write_bytes(file, model.SerializeToString())
 
 

@@ -108,10 +108,10 @@ def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequ
     trained = {sample.image_digest for sample in samples}
     for source, dataset in zip(plan.held_out, read_sets(plan.held_out, plan.classes, plan.mapping), strict=True):
         name = set_name(dataset.folder)
-        known = [sample.image.name for sample in dataset.samples if sample.image_digest in trained]
-        if known:
+        shared = [sample.image.name for sample in dataset.samples if sample.image_digest in trained]
+        if shared:
             raise OutputError(
-                f"--held-out {source}: {known[0]} is also trained on, {len(known)} of {len(dataset.samples)} pictures in all; "
+                f"--held-out {source}: {shared[0]} is also trained on, {len(shared)} of {len(dataset.samples)} pictures in all; "
                 "give another set, or leave it out"
             )
         if name in tests or name == VALIDATION:
@@ -154,9 +154,9 @@ def logits_of(network: SegmentationNetwork, samples: Sequence[Sample]) -> tuple[
         with torch.inference_mode():
             maps = network.eval()(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1))[None]).float())[0]
         chosen = truth[::EVERY_PX, ::EVERY_PX]
-        judged = torch.from_numpy(chosen != IGNORE)
-        logits.append(maps[:, ::EVERY_PX, ::EVERY_PX].permute(1, 2, 0)[judged])
-        labels.append(torch.from_numpy(chosen.astype(np.int64))[judged])
+        valid = torch.from_numpy(chosen != IGNORE)
+        logits.append(maps[:, ::EVERY_PX, ::EVERY_PX].permute(1, 2, 0)[valid])
+        labels.append(torch.from_numpy(chosen.astype(np.int64))[valid])
     return torch.cat(logits), torch.cat(labels)
 
 

@@ -131,8 +131,8 @@ def run(plan: TrainingPlan, progress: Progress, settings: Hyperparameters) -> Tr
     progress(1.0, "measuring")
     averaged.cpu()
     recipe["validation"] = scores = validation_scores(averaged, validation, plan.classes, settings.validation_limit)
-    known = [figures["iou"] for figures in scores.values() if "iou" in figures]
-    recipe |= warning_of(plan, float(np.mean(known)) if known else 0.0, state.steps)
+    ious = [figures["iou"] for figures in scores.values() if "iou" in figures]
+    recipe |= warning_of(plan, float(np.mean(ious)) if ious else 0.0, state.steps)
     save_checkpoint(plan.checkpoint, averaged, plan.classes, [*history, recipe])
     whole = recipe | {"earlier": history}
     export(averaged, plan.classes, whole, plan.output)

@@ -44,9 +44,9 @@ class EdgeOffsets:
 
 def intersection_and_union(predicted: Bytes, truth: Bytes, classes: int) -> NDArray[np.int64]:
     """Pixel counts (classes, 2) for masks (H, W); pixels to be ignored are left out."""
-    judged = truth != IGNORE
+    valid = truth != IGNORE
     counts = [
-        (np.sum((predicted == k) & (truth == k)), np.sum(((predicted == k) | (truth == k)) & judged))
+        (np.sum((predicted == k) & (truth == k)), np.sum(((predicted == k) | (truth == k)) & valid))
         for k in range(1, classes + 1)
     ]
     return np.array(counts, np.int64)
@@ -133,8 +133,8 @@ class NetworkScore:
     @property
     def mean(self) -> float:
         """Mean intersection over union of the classes; 0 where there is none."""
-        known = [value for value in self.iou.values() if np.isfinite(value)]
-        return float(np.mean(known)) if known else 0.0
+        finite = [value for value in self.iou.values() if np.isfinite(value)]
+        return float(np.mean(finite)) if finite else 0.0
 
     def as_json(self) -> dict[str, object]:
         """For the recipe."""
@@ -150,9 +150,9 @@ class Reliability:
 
     def add(self, probabilities: NDArray[np.float32], labels: NDArray[np.uint8]) -> None:
         """Probabilities (classes, ...) and true classes (...), 255 not to be judged."""
-        judged = labels != IGNORE
-        sure = probabilities.max(axis=0)[judged]
-        right = probabilities.argmax(axis=0)[judged] == labels[judged]
+        valid = labels != IGNORE
+        sure = probabilities.max(axis=0)[valid]
+        right = probabilities.argmax(axis=0)[valid] == labels[valid]
         bins = np.minimum((sure * BINS).astype(np.int64), BINS - 1)
         for row, weights in enumerate((np.ones_like(sure), sure, right.astype(np.float64))):
             self.counts[row] += np.bincount(bins, weights, BINS)
@@ -190,7 +190,7 @@ def score_file(model: Path, samples: Sequence[Sample], classes: Sequence[str]) -
 
     def predict(image: NDArray[np.uint8]) -> NDArray[np.float32]:
         maps = segmenter.probabilities(image)
-        known = np.stack([maps[index] if index > 0 else np.zeros_like(maps[0]) for index in order])
-        return np.concatenate([1 - known.sum(axis=0, keepdims=True), known]).astype(np.float32)
+        selected = np.stack([maps[index] if index > 0 else np.zeros_like(maps[0]) for index in order])
+        return np.concatenate([1 - selected.sum(axis=0, keepdims=True), selected]).astype(np.float32)
 
     return score_network(predict, samples, classes)

@@ -148,16 +148,16 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     )
 
 
-def trained_classes(needed: Sequence[str], known: Sequence[str], init: Path | None) -> tuple[str, ...]:
+def trained_classes(needed: Sequence[str], defaults: Sequence[str], init: Path | None) -> tuple[str, ...]:
     """The classes to train a plugin's network for: those of the file to begin with, where it has all that the plugin
     needs, else those that are known of the plugin's network."""
     if init is None or init.suffix != ".onnx":
-        return tuple(known)
+        return tuple(defaults)
     try:
         theirs = Segmenter(init, providers=("cpu",)).names
     except ModelError:
-        return tuple(known)
-    return theirs if set(needed) <= set(theirs) else tuple(known)
+        return tuple(defaults)
+    return theirs if set(needed) <= set(theirs) else tuple(defaults)
 
 
 def require_possible(plan: TrainingPlan) -> None:

@@ -60,10 +60,10 @@ def write_quantised(model: Path, training: Sequence[Sample], output: Path, count
     pictures = Pictures([training[number] for number in chosen], segmenter.input_size)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        plain, quantised = Path(folder) / "plain.onnx", Path(folder) / "int8.onnx"
-        quant_pre_process(model, plain, skip_symbolic_shape=True)
+        prepared, quantised = Path(folder) / "plain.onnx", Path(folder) / "int8.onnx"
+        quant_pre_process(model, prepared, skip_symbolic_shape=True)
         quantize_static(
-            plain,
+            prepared,
             quantised,
             pictures,
             quant_format=QuantFormat.QDQ,

@@ -77,20 +77,20 @@ def edge_weights(labels: Tensor, reach: int = 2) -> Tensor:
     Alike on both sides, because a heavier class or side would push the edge away from its true place. Where labels end
     is no edge: only one of its sides would be heavier.
     """
-    judged, values = (labels != IGNORE)[:, None], labels.float()[:, None]
+    valid, values = (labels != IGNORE)[:, None], labels.float()[:, None]
     size = 2 * reach + 1
-    highest = functional.max_pool2d(torch.where(judged, values, -1.0), size, 1, reach)
-    lowest = -functional.max_pool2d(torch.where(judged, -values, -float(IGNORE)), size, 1, reach)
+    highest = functional.max_pool2d(torch.where(valid, values, -1.0), size, 1, reach)
+    lowest = -functional.max_pool2d(torch.where(valid, -values, -float(IGNORE)), size, 1, reach)
     return 1 + EDGE_WEIGHT * (highest > lowest).float()[:, 0]
 
 
-def dice(probabilities: Tensor, labels: Tensor, judged: Tensor) -> Tensor:
+def dice(probabilities: Tensor, labels: Tensor, valid: Tensor) -> Tensor:
     """One minus the soft overlap of each class but the background, averaged over the classes present in the batch."""
     losses = []
     for value in range(1, probabilities.shape[1]):
-        truth = (labels == value) & judged
+        truth = (labels == value) & valid
         if truth.any():
-            share = probabilities[:, value] * judged
+            share = probabilities[:, value] * valid
             overlap = (share * truth).sum()
             losses.append(1 - 2 * overlap / (share.sum() + truth.sum()))
     return torch.stack(losses).mean() if losses else probabilities.sum() * 0
@@ -98,11 +98,11 @@ def dice(probabilities: Tensor, labels: Tensor, judged: Tensor) -> Tensor:
 
 def segmentation_loss(logits: Tensor, labels: Tensor) -> Tensor:
     """Scalar loss of logits (N, C, H, W) for labels (N, H, W) int64 with IGNORE where nothing is known."""
-    judged = labels != IGNORE
-    weights = edge_weights(labels) * judged
+    valid = labels != IGNORE
+    weights = edge_weights(labels) * valid
     entropy = functional.cross_entropy(logits, labels, ignore_index=IGNORE, reduction="none")
     mean = (entropy * weights).sum() / weights.sum().clamp(min=1)
-    return mean + DICE_SHARE * dice(torch.softmax(logits, dim=1), labels, judged)
+    return mean + DICE_SHARE * dice(torch.softmax(logits, dim=1), labels, valid)
 
 
 def learning_rate_factor(done: float, warm_up: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.lab.adapt.faces import Outline, faces_of
-from savmap.lab.adapt.masks import IGNORE, KnownFace, MaskSettings, filled, mask_of
+from savmap.lab.adapt.masks import IGNORE, KnownFace, MaskSettings, mask_of
 from savmap.vision.evidence import PackedView
 
 from .filmed_wall import CLASSES, SPEC, packed_view, pixel, pose
@@ -88,16 +88,3 @@ def test_usual_evidence_is_the_outlines(known: KnownFace) -> None:
     assert known.usual == pytest.approx({"post": 0.8, "plank": 0.8}, abs=0.05)
     (lone,) = faces_of([one for one in known.face.outlines if one.label == "post"])
     assert lone.usual(known.evidence, "plank") == 0.0
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "columns"), [(2.6, 7.4, range(3, 8)), (2.4, 7.6, range(3, 8)), (-9.0, 1.2, range(2))]
-)
-def test_pixels_are_filled_by_their_middles(left: float, right: float, columns: range) -> None:
-    mask = filled(np.array([[left, 0.6], [right, 0.6], [right, 4.4], [left, 4.4]]), (6, 10))
-    assert np.flatnonzero(mask.any(axis=0)).tolist() == list(columns)
-    assert np.flatnonzero(mask.any(axis=1)).tolist() == [1, 2, 3, 4]
-
-
-def test_nothing_is_filled_beside_the_view() -> None:
-    assert not filled(np.array([[12.0, 1.0], [14.0, 1.0], [14.0, 3.0]]), (6, 10)).any()

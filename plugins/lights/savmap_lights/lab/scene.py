@@ -87,8 +87,8 @@ def _positions(line: LampLine, site: Site) -> Floats:
 
 def _size(line: LampLine) -> Floats:
     long = line.length if line.kind == "strip" else line.width
-    along, aside = (line.width, long) if line.across else (long, line.width)
-    return np.array([along, line.thickness, aside])
+    along, sideways = (line.width, long) if line.across else (long, line.width)
+    return np.array([along, line.thickness, sideways])
 
 
 def _ends(line: LampLine, x: float) -> Floats:

@@ -55,7 +55,7 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
             name: RowSize(upright_starts(rack)[-1] + rack.upright_width, top_of(rack)) for name, rack in racks.items()
         },
         references=references,
-        site_rows={name: _site_row(known) for name, known in references.items()},
+        site_rows={name: _site_row(entry) for name, entry in references.items()},
     )
 
 
@@ -78,9 +78,9 @@ def _references(entry: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _site_row(known: Mapping[str, Any]) -> dict[str, Any]:
+def _site_row(entry: Mapping[str, Any]) -> dict[str, Any]:
     """The same in the row's entry of a site file."""
-    lowest, length = known["lowest_beam_bottom_height_m"], known["first_to_last_upright_outer_edges_m"]
+    lowest, length = entry["lowest_beam_bottom_height_m"], entry["first_to_last_upright_outer_edges_m"]
     last = f"upright {len(lowest['values']) + 1} / right"
     row: dict[str, Any] = {"references": {"lengths": [{"between": ["upright 1 / left", last], **length}]}}
     if any(value is not None for value in lowest["values"]):
@@ -139,10 +139,10 @@ def _frame(rack: Rack, start: float, rng: np.random.Generator) -> Iterator[Box]:
     y = (0.0, top_of(rack))
     front = span(x, y, (-rack.upright_depth, 0.0), _paint(rack, rack.upright_color, rack.upright_texture, rng))
     yield replace(front, face_labels={"+z": "upright"})
-    plain = _paint(rack, rack.rear_color or rack.upright_color, "plain", rng)
-    yield span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(plain, texture=rack.upright_texture))
+    rear = _paint(rack, rack.rear_color or rack.upright_color, "plain", rng)
+    yield span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(rear, texture=rack.upright_texture))
     if rack.bracing:
-        yield from _bracing(rack, (x[0] + x[1]) / 2, plain, rng)
+        yield from _bracing(rack, (x[0] + x[1]) / 2, rear, rng)
     if rng.random() < rack.guards:
         yield guard(rack, x, rng)
     if rng.random() < rack.signs:

@@ -168,8 +168,8 @@ def _reachable(limit: Floats, steps: Floats, acceleration: float) -> Floats:
 def _facing(ground: Floats, steps: Floats, halts: list[int]) -> Floats:
     """The way the cart faces (n, 2): along the path, or against it where it goes in reverse."""
     moves = np.diff(ground, axis=0) / np.maximum(steps, 1e-9)[:, None]
-    known = np.flatnonzero(steps > 1e-9)
-    facing: Floats = moves[known[np.searchsorted(known, np.arange(len(ground))).clip(0, len(known) - 1)]]
+    moving = np.flatnonzero(steps > 1e-9)
+    facing: Floats = moves[moving[np.searchsorted(moving, np.arange(len(ground))).clip(0, len(moving) - 1)]]
     for first, last in pairwise([*halts, len(ground)]):
         if halts.index(first) % 2 == 0:
             facing[first:last] *= -1

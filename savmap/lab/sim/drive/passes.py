@@ -33,11 +33,11 @@ class TruePass:
 def true_passes(built: Built, path: Drive) -> list[TruePass]:
     """The passes of a drive along mapped rows, in order; none in a scene without a mapped row."""
     travel = _travel(path)
-    beside = {name: _beside(built, name, path, travel) for name in (mapped_rows(built) if built.boxes else [])}
-    on = np.any([np.abs(hand) > 0 for hand in beside.values()], axis=0) if beside else np.zeros(len(travel), bool)
+    hands = {name: _beside(built, name, path, travel) for name in (mapped_rows(built) if built.boxes else [])}
+    on = np.any([np.abs(hand) > 0 for hand in hands.values()], axis=0) if hands else np.zeros(len(travel), bool)
     passes = []
     for first, last in _stretches(on, travel):
-        hands = {name: np.sign(hand[first : last + 1].sum()) for name, hand in beside.items()}
+        hands = {name: np.sign(hand[first : last + 1].sum()) for name, hand in hands.items()}
         left, right = (tuple(name for name, hand in hands.items() if hand == side) for side in (-1, 1))
         ahead = travel[first : last + 1].mean(axis=0)
         angle = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
@@ -68,10 +68,10 @@ def _travel(path: Drive) -> Floats:
     moves = np.gradient(ground, axis=0)
     sizes = np.linalg.norm(moves, axis=1)
     moving = sizes > 0.2 * np.median(sizes[sizes > 1e-4]) if (sizes > 1e-4).any() else np.zeros(len(sizes), bool)
-    known = np.flatnonzero(moving)
-    if not len(known):
+    indices = np.flatnonzero(moving)
+    if not len(indices):
         return np.tile([1.0, 0.0], (len(ground), 1))
-    last = known[(np.searchsorted(known, np.arange(len(ground)), side="right") - 1).clip(0)]
+    last = indices[(np.searchsorted(indices, np.arange(len(ground)), side="right") - 1).clip(0)]
     travel: Floats = moves[last] / sizes[last, None]
     return travel
 

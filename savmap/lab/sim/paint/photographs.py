@@ -37,5 +37,5 @@ def crops(folder: Path | None, count: int, rng: Random) -> list[Texture]:
     if not paths:
         return []
     chosen = rng.choice(len(paths), count, replace=count > len(paths))
-    found = [crop(paths[index], rng) for index in chosen]
-    return [texture for texture in found if texture is not None]
+    textures = [crop(paths[index], rng) for index in chosen]
+    return [texture for texture in textures if texture is not None]

@@ -184,14 +184,14 @@ def barrel(rng: Random) -> Texture:
 
 def sack(rng: Random) -> Texture:
     """A sack's side with print."""
-    plain: Singles = woven(rng)[..., :3].astype(np.float32) / np.float32(255)
+    cloth: Singles = woven(rng)[..., :3].astype(np.float32) / np.float32(255)
     ink: Rgb = vivid(rng, 0.3)
     printed = np.ones((TILE, TILE, 3), np.float32)
     for _ in range(int(rng.integers(0, 4))):
         write(printed, rng, ink, 0.6, 2.0)
     if rng.random() < 0.4:
         _bands(printed, rng, ink)
-    return texture(plain * printed, 1.0)
+    return texture(cloth * printed, 1.0)
 
 
 def poster(rng: Random) -> Texture:

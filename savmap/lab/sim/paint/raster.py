@@ -111,19 +111,19 @@ def outlines_in_view(faces: Faces, camera: Camera, size: tuple[int, int], wanted
     boxes = _regions(pixels, size)
     points = np.round(pixels * (1 << _SHIFT)).astype(np.int32)
     meets = (boxes[:, 2:] > boxes[:, :2]).all(axis=1) & (np.ptp(pixels, axis=1).prod(axis=1) > _LEAST_PX)
-    found = []
+    outlines = []
     order = np.argsort(nearest)
     for k in order[farthest[order] > NEAR_M].tolist():
         if nearest[k] >= NEAR_M:
             if meets[k]:
-                found.append(Outline(int(chosen[k]), points[k, : part.corners[k]], tuple(boxes[k].tolist())))
+                outlines.append(Outline(int(chosen[k]), points[k, : part.corners[k]], tuple(boxes[k].tolist())))
             continue
         clipped = _projected(_clipped(view[k, : part.corners[k]]), camera, size)
         box = _regions(clipped[None], size)[0]
         if np.all(box[2:] > box[:2]):
             rounded = np.round(clipped * (1 << _SHIFT)).astype(np.int32)
-            found.append(Outline(int(chosen[k]), rounded, tuple(box.tolist())))
-    return found
+            outlines.append(Outline(int(chosen[k]), rounded, tuple(box.tolist())))
+    return outlines
 
 
 def _regions(pixels: Floats, size: tuple[int, int]) -> NDArray[np.int64]:
@@ -153,11 +153,11 @@ def _view_points(faces: Faces, camera: Camera) -> Floats:
 def _clipped(points: Floats) -> Floats:
     """A convex polygon's part beyond the near plane."""
     kept: list[Floats] = []
-    for here, there in zip(points, np.roll(points, -1, axis=0), strict=True):
+    for here, following in zip(points, np.roll(points, -1, axis=0), strict=True):
         if here[2] >= NEAR_M:
             kept.append(here)
-        if (here[2] >= NEAR_M) != (there[2] >= NEAR_M):
-            kept.append(here + (NEAR_M - here[2]) / (there[2] - here[2]) * (there - here))
+        if (here[2] >= NEAR_M) != (following[2] >= NEAR_M):
+            kept.append(here + (NEAR_M - here[2]) / (following[2] - here[2]) * (following - here))
     return np.array(kept)
 
 

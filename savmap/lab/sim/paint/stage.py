@@ -197,9 +197,9 @@ def _box_faces(rows: Floats, frames: list[Floats], glooms: list[Gloom], sides: i
     low, size = rows[:, 0:3], rows[:, 3:6] - rows[:, 0:3]
     world = np.array(frames)[rows[:, 6].astype(int)]
     parts = [_one_side(rows, low, size, world, side, frames, glooms) for side in _SIDES]
-    judged = [(part.label > 0) & (part.label != IGNORED) for part in parts]
-    beside = [replace(part, label=part.label + sides * own) for part, own in zip(parts[2:], judged[2:], strict=True)]
-    parts = [*parts[:2], *beside]
+    for number, part in enumerate(parts[2:], start=2):
+        labelled = (part.label > 0) & (part.label != IGNORED)
+        parts[number] = replace(part, label=part.label + sides * labelled)
     return joined(parts)
 
 

@@ -80,7 +80,7 @@ def _texels(surfaces: Surfaces, cells: Indices) -> _Texels:
     index = np.arange(len(face)) - start[face]
     step = np.stack([index % cells[face, 0], index // cells[face, 0]], axis=1)
     place = (step + 0.5) / cells[face] * surfaces.lengths[face]
-    point = surfaces.corner[face] + place[:, :1] * surfaces.along[face] + place[:, 1:] * surfaces.aside[face]
+    point = surfaces.corner[face] + place[:, :1] * surfaces.along[face] + place[:, 1:] * surfaces.across[face]
     return _Texels(start, face, point + _LIFT_M * surfaces.normal[face])
 
 
@@ -152,9 +152,9 @@ def _smoothed(flat: Lightmap, light: Singles) -> Singles:
     """Light (n, 3) averaged over three by three texels of the faces that have so many."""
     smooth = light.copy()
     for face in np.flatnonzero(flat.cells.min(1) >= _SMOOTHED_FROM):
-        first, (along, aside) = flat.start[face], flat.cells[face]
-        part = slice(first, first + along * aside)
-        grid = light[part].reshape(aside, along, 3)
+        first, (along, across) = flat.start[face], flat.cells[face]
+        part = slice(first, first + along * across)
+        grid = light[part].reshape(across, along, 3)
         smooth[part] = cv2.blur(grid, (3, 3), borderType=cv2.BORDER_REPLICATE).reshape(-1, 3)
     return smooth
 
@@ -164,7 +164,7 @@ def _gather(direct: Lightmap, caster: Caster, surfaces: Surfaces, texels: _Texel
     texels_seen = []
     for chunk in _chunks(len(texels.point)):
         face = texels.face[chunk]
-        axes = np.stack([surfaces.along[face], surfaces.aside[face], surfaces.normal[face]], axis=1)
+        axes = np.stack([surfaces.along[face], surfaces.across[face], surfaces.normal[face]], axis=1)
         rays = np.einsum("nki,nij->nkj", _cosine_rays(len(chunk), rng), axes).reshape(-1, 3)
         hits = caster.cast(texels.point[chunk].repeat(_GATHERED, axis=0), rays)
         texels_seen.append(_texel_of(direct, surfaces, hits).reshape(-1, _GATHERED))

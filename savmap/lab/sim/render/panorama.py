@@ -28,12 +28,12 @@ _QUALITY = {"crf": "18", "preset": "fast"}
 
 
 def panorama(
-    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, look: Exposure, seed: Sequence[int] = (0,)
+    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, appearance: Exposure, seed: Sequence[int] = (0,)
 ) -> Image:
     """The panorama (height, 2 height, 3) RGB of a rig at `origin` (3,) m; `seed` fixes its noise."""
     rng = np.random.default_rng(list(seed))
     bands = linear_bands(scene, origin, world_from_rig, height)
-    return np.concatenate([developed(band, look, None, rng) for band in bands])
+    return np.concatenate([developed(band, appearance, None, rng) for band in bands])
 
 
 def linear_bands(scene: Renderer, origin: Floats, world_from_rig: Floats, height: int) -> Iterator[Singles]:
@@ -72,12 +72,12 @@ def view_classes(
 class _Task:
     scene: Renderer
     path: Drive
-    look: Exposure
+    appearance: Exposure
 
     def frame(self, index: int) -> Image:
         scene = self.scene.built.scene
         origin, turn = self.path.origins[index], self.path.world_from_rig[index]
-        return panorama(self.scene, origin, turn, scene.cart.width // 2, self.look, (scene.seed, 9, index))
+        return panorama(self.scene, origin, turn, scene.cart.width // 2, self.appearance, (scene.seed, 9, index))
 
 
 _prepared: list[_Task] = []

@@ -66,8 +66,10 @@ class Renderer:
 def renderer(built: Built) -> Renderer:
     """A scene's renderer: its rays and its light. Raises RayCasterMissing."""
     caster, surfaces = Caster(built.boxes), surfaces_of(built.boxes)
-    look = built.scene.look
-    light = bake(caster, surfaces, look.texel, look.ambient, np.array(look.light_color), built.scene.seed)
+    appearance = built.scene.look
+    light = bake(
+        caster, surfaces, appearance.texel, appearance.ambient, np.array(appearance.light_color), built.scene.seed
+    )
     return Renderer(built, caster, surfaces, light)
 
 
@@ -113,23 +115,23 @@ def different(hits: Hits, shape: tuple[int, int], wrap: bool = False) -> NDArray
     return edge
 
 
-def developed(linear: Singles, look: Exposure, vignette: Floats | None, rng: np.random.Generator) -> Image:
+def developed(linear: Singles, appearance: Exposure, vignette: Floats | None, rng: np.random.Generator) -> Image:
     """An RGB picture (h, w, 3) from linear radiance: white balance, exposure, vignette (h, w), film curve, noise."""
-    exposed = linear * (np.array(look.white_balance) * look.exposure * _WHITE_AT).astype(np.float32)
+    exposed = linear * (np.array(appearance.white_balance) * appearance.exposure * _WHITE_AT).astype(np.float32)
     if vignette is not None:
         exposed *= vignette[..., None].astype(np.float32)
-    shown = np.clip(exposed, 0, None) ** np.float32(look.contrast)
+    shown = np.clip(exposed, 0, None) ** np.float32(appearance.contrast)
     knee = np.where(shown < 0.6, shown, 1 - 0.4 * np.exp(-(shown - 0.6) / 0.4))
     encoded = np.where(knee < 0.0031, 12.92 * knee, 1.055 * np.maximum(knee, 1e-6) ** (1 / 2.4) - 0.055)
-    if look.noise > 0:
-        encoded = encoded + look.noise * rng.standard_normal(encoded.shape, dtype=np.float32)
+    if appearance.noise > 0:
+        encoded = encoded + appearance.noise * rng.standard_normal(encoded.shape, dtype=np.float32)
     return np.clip(255 * encoded + 0.5, 0, 255).astype(np.uint8)
 
 
-def metered(look: Exposure, linear: Singles, strength: float = 1.0) -> Exposure:
+def metered(appearance: Exposure, linear: Singles, strength: float = 1.0) -> Exposure:
     """The look as a camera would expose it that sees `linear`: at strength 1 its mean becomes a mid grey."""
     grey = max(float(np.minimum(linear, 1.5).mean()), 0.02)
-    return look.model_copy(update={"exposure": look.exposure * (_GREY / grey) ** strength})
+    return appearance.model_copy(update={"exposure": appearance.exposure * (_GREY / grey) ** strength})
 
 
 def compressed(linear: Singles) -> Singles:

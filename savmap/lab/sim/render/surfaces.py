@@ -77,7 +77,7 @@ class Prints:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Faces f = 6 box + face: `corner`, unit `along` (the longer side), `aside`, `normal` (f, 3), `lengths` (f, 2) m.
+    """Faces f = 6 box + face: `corner`, unit `along` (the longer side), `across`, `normal` (f, 3), `lengths` (f, 2) m.
 
     Paint of box b: `color`, `second` (b, 3), `kind`, `period` m, `contrast`, `emission`, `gloss` (b,), `offset` (b, 2).
     `prints`: pictures that cover faces.
@@ -85,7 +85,7 @@ class Surfaces:
 
     corner: Singles
     along: Singles
-    aside: Singles
+    across: Singles
     normal: Singles
     lengths: Singles
     color: Singles
@@ -102,7 +102,7 @@ class Surfaces:
         """Where points (n, 3) lie on their faces (n,): metres (n, 2) along and aside of the face's corner."""
         relative = point - self.corner.take(face, axis=0)
         along = np.einsum("ij,ij->i", relative, self.along.take(face, axis=0))
-        return np.stack([along, np.einsum("ij,ij->i", relative, self.aside.take(face, axis=0))], axis=1)
+        return np.stack([along, np.einsum("ij,ij->i", relative, self.across.take(face, axis=0))], axis=1)
 
     def albedo(self, face: Indices, place: Singles, footprint: Singles) -> Singles:
         """The colour (n, 3) at `place` (n, 2) of faces (n,), blurred to the pixel's `footprint` (n,) on it, m."""
@@ -133,7 +133,7 @@ def surfaces_of(boxes: Sequence[Box]) -> Surfaces:
     first, second = quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0]
     lengths = np.stack([np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)], axis=1)
     swap = lengths[:, 1] > lengths[:, 0]
-    along, aside = np.where(swap[:, None], second, first), np.where(swap[:, None], first, second)
+    along, across = np.where(swap[:, None], second, first), np.where(swap[:, None], first, second)
     lengths = np.sort(lengths, axis=1)[:, ::-1]
     normal = np.cross(first, second)
     paints = [box.material for box in boxes]
@@ -142,7 +142,7 @@ def surfaces_of(boxes: Sequence[Box]) -> Surfaces:
     return Surfaces(
         corner=_single(quads[:, 0]),
         along=_single(along / lengths[:, :1]),
-        aside=_single(aside / lengths[:, 1:]),
+        across=_single(across / lengths[:, 1:]),
         normal=_single(normal / np.linalg.norm(normal, axis=1, keepdims=True)),
         lengths=_single(lengths),
         color=_single([paint.color for paint in paints]),

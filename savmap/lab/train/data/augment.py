@@ -127,8 +127,8 @@ def recolour(rng: Generator, image: Image, mask: Bytes, classes: int) -> Image:
 
 def _ends_with_labels(mask: Bytes, value: int) -> bool:
     """Whether much of what borders on a class is not judged."""
-    own = (mask == value).astype(np.uint8)
-    around = mask[cv2.dilate(own, np.ones((3, 3), np.uint8)) > own]
+    inside = (mask == value).astype(np.uint8)
+    around = mask[cv2.dilate(inside, np.ones((3, 3), np.uint8)) > inside]
     return bool(np.mean(around == IGNORE) > MOST_UNKNOWN) if len(around) else False
 
 

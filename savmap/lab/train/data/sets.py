@@ -309,12 +309,12 @@ def _yolo_pictures(path: Path, base: str, place: str) -> Iterator[Path]:
 
 def _yolo_labels(picture: Path) -> Path:
     """The file of polygons of a picture: the last folder called images on its way is called labels; or beside it."""
-    beside = picture.with_suffix(".txt")
-    parts = list(beside.parts)
+    sibling = picture.with_suffix(".txt")
+    parts = list(sibling.parts)
     if "images" in parts:
         parts[len(parts) - 1 - parts[::-1].index("images")] = "labels"
     elsewhere = Path(*parts)
-    return beside if beside.is_file() and not elsewhere.is_file() else elsewhere
+    return sibling if sibling.is_file() and not elsewhere.is_file() else elsewhere
 
 
 def _yolo_drawing(picture: Path, labels: Path, names: Mapping[int, str]) -> Drawing:

@@ -109,8 +109,8 @@ def _skylights(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     first = float(rng.uniform(-pitch_x, 0))
     for x in np.arange(first - 2 * pitch_x, hall.along - long, pitch_x):
         for z in np.arange(-hall.across + float(rng.uniform(0, pitch_z)), hall.across - long, pitch_z):
-            along, aside = ((0, 0, long), (wide, 0, 0)) if across else ((long, 0, 0), (0, 0, wide))
-            stage.quad((x, hall.height - 0.02, z), along, aside, glass)
+            along, sideways = ((0, 0, long), (wide, 0, 0)) if across else ((long, 0, 0), (0, 0, wide))
+            stage.quad((x, hall.height - 0.02, z), along, sideways, glass)
 
 
 def _steel(stage: Stage, wardrobe: Wardrobe) -> Surface:

@@ -266,14 +266,14 @@ def jumble(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
             tall = size * float(rng.uniform(0.2, 1.6))
             if y + tall > room.height:
                 break
-            thing = wardrobe.photographed(rng, str(rng.choice(kinds)), colour(rng), 0.0, 0.3)
+            item = wardrobe.photographed(rng, str(rng.choice(kinds)), colour(rng), 0.0, 0.3)
             z = -float(rng.uniform(0, 0.1))
             with stage.frame((x, y, z), float(rng.normal(0, 6)), 0.0, float(rng.normal(0, 1.5))):
                 if rng.random() < 0.15:
                     radius = min(wide, deep) / 2
-                    stage.cylinder((radius, 0, -radius), radius, tall, thing, thing, 8)
+                    stage.cylinder((radius, 0, -radius), radius, tall, item, item, 8)
                 else:
-                    stage.box((0, 0, -deep), (wide, tall, 0), thing)
+                    stage.box((0, 0, -deep), (wide, tall, 0), item)
             y += tall
         x += wide * float(rng.uniform(0.9, 1.4))
 
@@ -283,12 +283,12 @@ def bins(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
     rng = stage.rng
     wide, tall = float(rng.uniform(0.1, 0.35)), float(rng.uniform(0.08, 0.25))
     tints = [colour(rng) for _ in range(int(rng.integers(1, 3)))]
-    plain, label = wardrobe.kinds["plain"][0], wardrobe.surface(rng, "label")
+    tile, label = wardrobe.kinds["plain"][0], wardrobe.surface(rng, "label")
     low, back = tall * float(rng.uniform(0.3, 0.6)), -min(0.35, room.depth)
     for layer in range(max(1, min(3, int(room.height / (tall * 1.05))))):
         tint, y = tints[int(rng.integers(len(tints)))], layer * tall * 1.05
         for column in range(max(1, int(room.width / wide))):
-            x, surface = column * wide, Surface(plain, tint)
+            x, surface = column * wide, Surface(tile, tint)
             stage.box((x + 0.004, y, -0.01), (x + wide - 0.004, y + low, 0), surface)
             stage.box((x + 0.004, y, back), (x + wide - 0.004, y + 0.6 * low, -0.02), surface, shade=0.4)
             stage.box((x + 0.004, y, back), (x + wide - 0.004, y + tall, back + 0.01), surface, shade=0.5)

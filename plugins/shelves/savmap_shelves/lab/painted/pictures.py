@@ -145,7 +145,7 @@ def _racks(stage: Stage, clothes: Wardrobe, view: View, kind: str) -> None:
     _one_row(stage, clothes, row, storage, (start, 0.0, 0.0), 0.0, view)
     if rng.random() < 0.5:
         behind = (start + row.length, 0.0, -2 * style.depth - float(rng.uniform(0.1, 0.4)))
-        _one_row(stage, clothes, random_row(rng, style, small, count), storage, behind, 180.0, view, judged=False)
+        _one_row(stage, clothes, random_row(rng, style, small, count), storage, behind, 180.0, view, labelled=False)
     if kind == "aisle" or rng.random() < 0.15:
         across = view.distance + float(rng.uniform(0.7, 3.0))
         other = style if rng.random() < 0.7 else random_style(rng, clothes, small)
@@ -172,7 +172,7 @@ def _one_row(
     at: tuple[float, float, float],
     turned: float,
     view: View,
-    judged: bool = True,
+    labelled: bool = True,
 ) -> None:
     eye = np.array([view.x, view.height, view.distance])
     with stage.frame(at, turned):
@@ -186,19 +186,19 @@ def _one_row(
             room = Room(bay.width - 2 * inner, top - bottom, depth, near(bay))
             fill_opening(stage, clothes, storage, bay.left + inner, bottom, room)
 
-        build_row(stage, row, clothes, fill, judged, near)
+        build_row(stage, row, clothes, fill, labelled, near)
 
 
 def _clutter(stage: Stage, clothes: Wardrobe, view: View, count: int) -> None:
     """Things in the aisle, most of them beside the middle of the view."""
     rng = stage.rng
     for _ in range(count):
-        thing = clutter.THINGS[int(rng.integers(len(clutter.THINGS)))]
+        build = clutter.THINGS[int(rng.integers(len(clutter.THINGS)))]
         away = float(rng.uniform(2.2, 10.0))
         bearing = math.radians(view.yaw + float(rng.uniform(-0.6, 0.6)) * view.hfov)
         x, z = view.x + away * math.sin(bearing), view.distance - away * math.cos(bearing)
         with stage.frame((x, 0.0, z), float(rng.uniform(-180, 180))):
-            thing(stage, clothes)
+            build(stage, clothes)
 
 
 def names(seed: int, count: int) -> list[str]:

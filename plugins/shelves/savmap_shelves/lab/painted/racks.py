@@ -146,8 +146,8 @@ def random_row(rng: Random, style: Style, small: bool, bays: int) -> Row:
     left, made = 0.0, []
     for _ in range(bays):
         wide = width if rng.random() < 0.85 else float(width * rng.uniform(0.6, 1.3))
-        own = levels if rng.random() < 0.75 else _levels(rng, first, gap * float(rng.uniform(0.7, 1.4)), top)
-        made.append(Bay(left, wide, own))
+        heights = levels if rng.random() < 0.75 else _levels(rng, first, gap * float(rng.uniform(0.7, 1.4)), top)
+        made.append(Bay(left, wide, heights))
         left += wide
     return Row(style, tuple(made), top + float(rng.uniform(0.05, 1.0)))
 
@@ -167,16 +167,16 @@ def build_row(
     row: Row,
     wardrobe: Wardrobe,
     fill: Callable[[Bay, float, float, float], None],
-    judged: bool = True,
+    labelled: bool = True,
     detailed: Callable[[Bay], bool] = lambda bay: True,
 ) -> None:
     """Adds a row in the stage's frame. `fill(bay, bottom, top, depth)` adds goods to an opening; a row that is not
-    `judged` is seen from behind, its members are 255."""
+    `labelled` is seen from behind, its members are 255."""
     style, rng = row.style, stage.rng
     places = [bay.left for bay in row.bays] + [row.length]
     for index, x in enumerate(places):
         near = detailed(row.bays[min(index, len(row.bays) - 1)])
-        _post(stage, style, x, row.height, judged, wardrobe if near else None)
+        _post(stage, style, x, row.height, labelled, wardrobe if near else None)
         with stage.gloom(style.gloom * 0.6):
             _frame(stage, style, x, row.height, near)
     for bay in row.bays:
@@ -194,20 +194,20 @@ def build_row(
         for level, top in zip((-1.0, *bay.levels), (*bay.levels, row.height + 1.0), strict=True):
             if level >= 0:
                 floor = level + style.beam_height
-                _level(stage, row, bay, level, judged, wardrobe, near)
+                _level(stage, row, bay, level, labelled, wardrobe, near)
             if top - floor > 0.15:
                 with stage.gloom(style.gloom, floor, top, style.under if top < row.height else 0.1):
                     fill(bay, floor + 0.005, min(top, row.height + 0.8), style.depth)
 
 
-def _tag(label: int, thickness: float, judged: bool) -> Tag:
-    return Tag(label if judged else IGNORED, thickness)
+def _tag(label: int, thickness: float, labelled: bool) -> Tag:
+    return Tag(label if labelled else IGNORED, thickness)
 
 
-def _post(stage: Stage, style: Style, x: float, height: float, judged: bool, wardrobe: Wardrobe | None) -> None:
+def _post(stage: Stage, style: Style, x: float, height: float, labelled: bool, wardrobe: Wardrobe | None) -> None:
     """A front post, with foot, guard, splice and stickers where it is seen well."""
     half, depth = style.post_width / 2, style.post_depth
-    tag = _tag(UPRIGHT, style.post_width, judged)
+    tag = _tag(UPRIGHT, style.post_width, labelled)
     if style.stepped_post:
         stage.box((x - half, 0, -0.35 * depth), (x + half, height, 0), style.post, style.flank, tag=tag)
         inner = 0.72 * half
@@ -267,12 +267,12 @@ def _frame(stage: Stage, style: Style, x: float, height: float, near: bool) -> N
                 stage.box((-thin, 0, -math.hypot(run, rise)), (thin, style.brace, 0), style.frame, shade=0.8)
 
 
-def _level(stage: Stage, row: Row, bay: Bay, y: float, judged: bool, wardrobe: Wardrobe, near: bool) -> None:
+def _level(stage: Stage, row: Row, bay: Bay, y: float, labelled: bool, wardrobe: Wardrobe, near: bool) -> None:
     """The front and rear beams of a level, what lies on them, and what sticks to them."""
     style = row.style
     left, right = bay.left + style.post_width / 2, bay.left + bay.width - style.post_width / 2
     front, top = -style.setback, y + style.beam_height
-    tag = _tag(BEAM, style.beam_height, judged)
+    tag = _tag(BEAM, style.beam_height, labelled)
     if stage.rng.random() < 0.05:
         style = replace(style, beam=style.spare, lip=replace(style.spare, span=(1.0, 1.0)))
     _beam(stage, style, (left, right), y, front, tag)
