@@ -1,5 +1,6 @@
 """Views of a map, chosen and labelled from the footage."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -36,7 +37,7 @@ class DarkPool:
         return Segmentation(CLASSES, np.stack([1 - post - plank, post, plank]))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def row() -> RowMap:
     frames = FrameTable(np.arange(FRAMES) / 10.0, ("pass 1",) * FRAMES)
     path = Trajectory(np.arange(2, FRAMES), np.repeat(pose()[None], FRAMES - 2, axis=0))
@@ -45,11 +46,10 @@ def row() -> RowMap:
     return RowMap("A", frames, views, path, {"posts": posts}, ())
 
 
-@pytest.fixture
-def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+@pytest.fixture(scope="module")
+def job(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A job whose footage stands still before the wall with two dark posts."""
-    folder = tmp_path / "pictures"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("pictures")
     panorama = np.full((256, 512, 3), 180, np.uint8)
     for name in ("post 1", "post 2"):
         left, right, low, high = BOXES[name]
@@ -59,9 +59,18 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
         panorama[rows.astype(int), columns.astype(int)] = 30
     for number in range(FRAMES):
         cv2.imwrite(str(folder / f"{number:03d}.png"), panorama)
-    monkeypatch.setattr(views, "SegmenterPool", DarkPool)
     rows = {"A": SimpleNamespace(passes=[Pass(video=folder, fps=30.0)])}
-    return SimpleNamespace(site=SimpleNamespace(rows=rows), opened=lambda row, name: PLUGIN, source=Path("site.yaml"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(views, "SegmenterPool", DarkPool)
+        yield SimpleNamespace(
+            site=SimpleNamespace(rows=rows), opened=lambda row, name: PLUGIN, source=Path("site.yaml")
+        )
+
+
+@pytest.fixture(scope="module")
+def sets(job: Any, row: RowMap, tmp_path_factory: pytest.TempPathFactory) -> labels.LabelSets:
+    folder = tmp_path_factory.mktemp("sets")
+    return labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, folder, SilentMonitor())
 
 
 def test_views_that_show_nothing_are_left_out(row: RowMap) -> None:
@@ -71,13 +80,12 @@ def test_views_that_show_nothing_are_left_out(row: RowMap) -> None:
     assert views.evenly([], 3) == {}
 
 
-def test_map_labels_footage(job: Any, row: RowMap, tmp_path: Path) -> None:
-    sets = labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, tmp_path, SilentMonitor())
+def test_map_labels_footage(sets: labels.LabelSets) -> None:
     names = [{sample.image.name for sample in read_set(one, CLASSES).samples} for one in vars(sets).values()]
     assert [len(own) for own in names] == [18 + 35, 2, 5]
     assert len(set().union(*names)) == 60
     assert sum("turned" in name for name in names[0]) == 18 * labels.TURNED - 1  # it shows too little
-    mask = cv2.imread(str(next((tmp_path / "choice" / "masks").iterdir())), cv2.IMREAD_UNCHANGED)
+    mask = cv2.imread(str(next((sets.choice / "masks").iterdir())), cv2.IMREAD_UNCHANGED)
     assert mask is not None
     assert mask[pixel(0.95, 0.7)] == 1
     assert mask[pixel(0.2, 0.7)] == 0
@@ -98,8 +106,7 @@ def test_turned_views_look_elsewhere_and_stay() -> None:
     assert all(abs(view.yaw_deg) <= views.YAW_DEG and abs(view.pitch_deg) <= views.PITCH_DEG for view in specs)
 
 
-def test_turned_views_are_labelled_where_they_look(job: Any, row: RowMap, tmp_path: Path) -> None:
-    sets = labels.write_labels(job, "posts", SiteMap({"A": row}, {}), 25, tmp_path, SilentMonitor())
+def test_turned_views_are_labelled_where_they_look(sets: labels.LabelSets) -> None:
     wrong = judged = 0
     for sample in read_set(sets.views, CLASSES).samples:
         if "turned" in sample.image.name:

@@ -191,6 +191,7 @@ class TestWithTorch:
         with torch.inference_mode():
             assert torch.allclose(with_temperature(network, 2.5)(picture), network(picture) / 2.5, atol=1e-5)
 
+    @pytest.mark.usefixtures("quick_export")
     def test_best_network_is_chosen_by_named_sets(
         self, plan: TrainingPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -255,6 +256,7 @@ class TestWithTorch:
         with pytest.raises(OutputError, match="is also trained on, 4 of 4 pictures in all"):
             train(replace(plan, held_out=plan.data))
 
+    @pytest.mark.usefixtures("quick_export")
     def test_enough_validation_pictures_calibrate(
         self, plan: TrainingPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -23,6 +23,7 @@ pytestmark = [
 ]
 
 
+@pytest.mark.usefixtures("quick_export")
 def test_a_run_that_was_stopped_goes_on(plan: TrainingPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     from savmap.lab.train.trainer import Trainer
 
