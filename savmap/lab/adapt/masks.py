@@ -117,9 +117,9 @@ class ShownFace:
 
     def pixels_of(self, outline: Outline) -> Bools:
         """The pixels within an outline."""
-        place = outline_in(self.view, self.world_from_rig, outline.corners)
+        place = outline_in(self.view, self.world_from_rig, outline.corners)  # a pixel's middle is at whole numbers
         shape = (self.view.height, self.view.width)
-        return filled(place, *shape) if place is not None else np.zeros(shape, np.bool_)
+        return filled(place + 0.5, *shape) if place is not None else np.zeros(shape, np.bool_)
 
     @property
     def empty(self) -> Bools:
@@ -178,6 +178,5 @@ def _blur_edges(
             start, end = side[0], side[-1]
             along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
             across = width * np.array([-along[1], along[0]])
-            labels[filled(np.array([start - across, end - across, end + across, start + across]), *labels.shape)] = (
-                IGNORE
-            )
+            band = np.array([start - across, end - across, end + across, start + across])
+            labels[filled(band + 0.5, *labels.shape)] = IGNORE

@@ -122,6 +122,6 @@ def _share_shown(row: RowMap, spec: ViewSpec, frames: Sequence[int], outlines: S
         for outline in outlines:
             place = outline_in(spec, poses[frames[index]], outline.corners)
             if place is not None:
-                mask |= filled(place, *mask.shape)
+                mask |= filled(place + 0.5, *mask.shape)
         seen = np.append(seen, mask.mean())
     return float(seen.mean())
