@@ -40,9 +40,8 @@ def distilled(network: Path, source: Path, folder: Path, classes: Sequence[str],
 def _labelled(
     network: Path, samples: Sequence[Sample], classes: Sequence[str], progress: Progress
 ) -> Iterator[Labelled]:
-    from savmap.lab.train.device import compute_device  # torch, an extra, is imported when it is needed
-    from savmap.lab.train.export import load_onnx
-    from savmap.lab.train.trainer import predictor
+    from savmap.lab.train.export import load_onnx  # torch, an extra, is imported when it is needed
+    from savmap.lab.train.trainer import compute_device, predictor
 
     predict = magnified(predictor(load_onnx(network, classes)[0].to(compute_device())))
     for number, sample in enumerate(samples):

@@ -32,6 +32,8 @@ from savmap.video.image_folder import write_picture
 
 WIDTH, HEIGHT = 640, 480
 IGNORED = 255
+Sample = tuple[Image, Mask]
+"""A picture (h, w, 3) RGB and its mask (h, w)."""
 
 _TOO_FAR_M = 14.0
 _VIEWS_A_SCENE = 4
@@ -156,18 +158,34 @@ def write_samples(
         write_picture(folder / "images" / f"{name}.jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, 95))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description="labelled pictures of random scenes")
+def write_series(
+    folder: Path, classes: Sequence[str], renderer: str, names: Sequence[str], make: Callable[[int], Sample]
+) -> None:
+    """Writes the pictures of a series that a folder lacks, so that a run that was stopped goes on; `make` gives the
+    k-th. Raises OutputError as `write_samples`."""
+    missing = (k for k, name in enumerate(names) if not (folder / "images" / f"{name}.jpg").is_file())
+    write_samples(folder, classes, renderer, ((names[k], *make(k)) for k in missing))
+
+
+def series_options(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options of a parser, with those of every data set: `count`, `seed` and `output`. Exits where they are out of
+    range."""
     parser.add_argument("--count", type=int, required=True)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--kind", choices=("row", "face", "ceiling", "floor", "mixed"), default="mixed")
-    parser.add_argument("--classes", help="the classes to label, in the masks' order; default: the plugins'")
-    parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
     options = parser.parse_args(arguments)
     if options.seed < 0 or options.count < 1:
         parser.error("--seed is 0 or more, --count 1 or more")
+    return options
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="labelled pictures of random scenes")
+    parser.add_argument("--kind", choices=("row", "face", "ceiling", "floor", "mixed"), default="mixed")
+    parser.add_argument("--classes", help="the classes to label, in the masks' order; default: the plugins'")
+    parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
+    options = series_options(parser, arguments)
     with ending_in_one_line():
         scene_of = partial(random_scene, plugins=options.plugin)
         classes = options.classes.split(",") if options.classes else None

@@ -23,12 +23,11 @@ from savmap.lab.train.checkpoint import (
 from savmap.lab.train.data.augment import VARIATIONS, BatchSource, prefetched
 from savmap.lab.train.data.dataset import Dataset, Sample, sampling_weights, set_name, split
 from savmap.lab.train.data.sets import read_sets, samples_of
-from savmap.lab.train.device import threads_beside
 from savmap.lab.train.export import export, load_onnx
 from savmap.lab.train.measure import measure
 from savmap.lab.train.network import SegmentationNetwork, build
 from savmap.lab.train.plan import Progress, TrainedNetwork, TrainingPlan, warning_of
-from savmap.lab.train.trainer import Hyperparameters, Trainer, predictor
+from savmap.lab.train.trainer import Hyperparameters, Trainer, predictor, threads_beside
 
 LEAST_STEPS = 2
 

@@ -3,6 +3,8 @@ weights."""
 
 import copy
 import math
+import os
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,7 +16,6 @@ from torch.nn import functional
 
 from savmap.lab.train.data.augment import ANY_PLACE, ONE_SITE, Batch, Crop
 from savmap.lab.train.data.dataset import IGNORE
-from savmap.lab.train.device import compute_device, device_of, fast_arithmetic
 from savmap.lab.train.measure import Predictor
 from savmap.lab.train.network import FIXED_BLOCKS, SegmentationNetwork
 
@@ -68,6 +69,7 @@ nothing."""
 
 
 EDGE_WEIGHT = 3.0
+MOST_THREADS = 8
 DICE_SHARE = 0.4
 
 
@@ -202,3 +204,32 @@ def predictor(network: SegmentationNetwork) -> Predictor:
             return np.asarray(torch.softmax(network.eval()(images.to(device)), dim=1)[0].cpu().numpy(), np.float32)
 
     return predict
+
+
+def compute_device() -> torch.device:
+    """The first CUDA device that torch can use, else the processor; `CUDA_VISIBLE_DEVICES=` (empty) hides devices."""
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def device_of(module: torch.nn.Module) -> torch.device:
+    """Where a network's weights are."""
+    return next(module.parameters()).device
+
+
+def threads_beside(device: torch.device) -> int:
+    """How many threads prepare pictures while a device computes: one beside a processor, which computes with its cores
+    itself."""
+    return 1 if device.type == "cpu" else min(os.cpu_count() or 1, MOST_THREADS)
+
+
+def fast_arithmetic(device: torch.device) -> AbstractContextManager[object]:
+    """bfloat16 where a device computes with it, else nothing."""
+    if device.type == "cpu":
+        capable = torch.cpu.get_capabilities()
+        fast = bool(capable.get("avx512_bf16") or capable.get("amx_bf16"))
+    else:
+        fast = torch.cuda.is_bf16_supported(including_emulation=False)
+    if not fast:
+        return nullcontext()
+    context: AbstractContextManager[object] = torch.autocast(device.type, dtype=torch.bfloat16)
+    return context

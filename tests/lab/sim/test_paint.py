@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import focal_px
+from savmap.lab.sim.dataset import Sample, write_series
 from savmap.lab.sim.paint.atlas import TILE, Atlas, atlas_of
 from savmap.lab.sim.paint.develop import developed
 from savmap.lab.sim.paint.faces import Lighting
 from savmap.lab.sim.paint.noise import texture
-from savmap.lab.sim.paint.photographs import crops
 from savmap.lab.sim.paint.raster import Camera, camera_at
-from savmap.lab.sim.paint.series import Sample, write_series
 from savmap.lab.sim.paint.shade import Painted, painted
 from savmap.lab.sim.paint.stage import Stage, Surface, Tag
+from savmap.lab.sim.paint.wardrobe import crops
 from savmap.video.image_folder import write_picture
 
 SIZE = 320, 240

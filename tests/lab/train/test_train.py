@@ -76,9 +76,15 @@ class TestWithTorch:
     def test_where_torch_computes_gives_the_processor_s_network(self) -> None:
         import torch
 
-        from savmap.lab.train.device import compute_device, device_of, threads_beside
         from savmap.lab.train.network import build
-        from savmap.lab.train.trainer import FINE_TUNING, Trainer, predictor
+        from savmap.lab.train.trainer import (
+            FINE_TUNING,
+            Trainer,
+            compute_device,
+            device_of,
+            predictor,
+            threads_beside,
+        )
 
         image, mask = bars(np.random.default_rng(0))
         trainer = Trainer(build(2, None), FINE_TUNING)

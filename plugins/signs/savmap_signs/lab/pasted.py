@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from savmap.errors import OutputError, ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.lab.sim.dataset import write_samples
+from savmap.lab.sim.dataset import series_options, write_samples
 from savmap.types import Floats
 from savmap_signs.lab.artwork import Picture, artwork
 from savmap_signs.lab.random_plates import code_of, series_style, text_of
@@ -117,10 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="plates pasted into labelled pictures that have none")
     parser.add_argument("data", type=Path, nargs="+")
-    parser.add_argument("--count", type=int, required=True)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    options = parser.parse_args(arguments)
+    options = series_options(parser, arguments)
     with ending_in_one_line():
         images = [path for folder in options.data for path in pictures_of(folder)]
         write_samples(options.output, CLASSES, "pasted plates", samples(images, options.count, options.seed))

@@ -6,13 +6,12 @@ A data set as `savmap.lab.sim.dataset` writes them; signs too small to be told a
 import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.lab.sim.dataset import IGNORED, view_mask, view_picture, write_samples
+from savmap.lab.sim.dataset import IGNORED, series_options, view_mask, view_picture, write_samples
 from savmap.lab.sim.drive.cart import world_from_level
 from savmap.lab.sim.drive.views import CameraSample, sample_camera
 from savmap.lab.sim.random_scene import classes_of, random_scene
@@ -69,10 +68,7 @@ def _judged(mask: Mask, value: int) -> Mask:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of random scenes with signs")
-    parser.add_argument("--count", type=int, required=True)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    options = parser.parse_args(arguments)
+    options = series_options(parser, arguments)
     with ending_in_one_line():
         classes = classes_of(random_scene(options.seed, [PLUGIN]))
         write_samples(options.output, classes, "savmap.lab.sim, ray cast", samples(options.seed, options.count))

@@ -2,6 +2,5 @@
 pass.
 
 `stage` collects boxes, cylinders and polygons; `faces` lays them out as arrays; `raster` finds which face each pixel
-sees; `shade` colours them from `atlas`; `develop` makes a photograph of it; `series` writes labelled sets. It knows no
-structure.
+sees; `shade` colours them from `atlas`; `develop` makes a photograph of it. It knows no structure.
 """

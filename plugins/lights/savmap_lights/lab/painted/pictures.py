@@ -12,12 +12,11 @@ import numpy as np
 
 from savmap.errors import ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.lab.sim.dataset import HEIGHT, WIDTH
+from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample, series_options, write_series
 from savmap.lab.sim.paint.develop import developed
 from savmap.lab.sim.paint.faces import Lighting
 from savmap.lab.sim.paint.noise import Random
 from savmap.lab.sim.paint.raster import Camera
-from savmap.lab.sim.paint.series import Sample, parsed, write_series
 from savmap.lab.sim.paint.shade import painted
 from savmap.lab.sim.paint.stage import Stage
 from savmap.lab.sim.paint.wardrobe import Wardrobe, wardrobe_of
@@ -91,7 +90,7 @@ def write_pictures(folder: Path, count: int, seed: int) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of ceilings with lamps, painted: a few a second")
-    options = parsed(parser, arguments)
+    options = series_options(parser, arguments)
     cv2.setNumThreads(1)
     with ending_in_one_line():
         write_pictures(options.output, options.count, options.seed)

@@ -12,12 +12,11 @@ import cv2
 import numpy as np
 
 from savmap.errors import ending_in_one_line
-from savmap.lab.sim.dataset import HEIGHT, WIDTH
+from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample, series_options, write_series
 from savmap.lab.sim.paint.develop import developed
 from savmap.lab.sim.paint.faces import Faces
 from savmap.lab.sim.paint.noise import Random
 from savmap.lab.sim.paint.raster import Camera, camera_at
-from savmap.lab.sim.paint.series import Sample, parsed, write_series
 from savmap.lab.sim.paint.shade import Painted, painted
 from savmap.lab.sim.paint.stage import Stage
 from savmap.lab.sim.paint.wardrobe import Wardrobe
@@ -216,7 +215,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of racks, painted: a few a second")
     parser.add_argument("--textures", type=Path, help="a folder of pictures whose crops become surfaces")
-    options = parsed(parser, arguments)
+    options = series_options(parser, arguments)
     cv2.setNumThreads(1)
     with ending_in_one_line():
         write_pictures(options.output, options.count, options.seed, options.textures)

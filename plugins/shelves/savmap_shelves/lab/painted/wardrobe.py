@@ -11,9 +11,8 @@ from savmap.lab.sim.paint import materials, prints
 from savmap.lab.sim.paint.atlas import TILE, Texture
 from savmap.lab.sim.paint.faces import Singles
 from savmap.lab.sim.paint.noise import Random, texture
-from savmap.lab.sim.paint.photographs import crops
 from savmap.lab.sim.paint.stage import Rgb
-from savmap.lab.sim.paint.wardrobe import Recipes, Wardrobe, wardrobe_of
+from savmap.lab.sim.paint.wardrobe import Recipes, Wardrobe, crops, wardrobe_of
 
 _BANDS: tuple[tuple[Rgb, ...], ...] = (
     ((0.95, 0.75, 0.05), (0.07, 0.07, 0.07)),
