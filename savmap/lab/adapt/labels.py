@@ -63,8 +63,8 @@ def write_labels(job: Job, plugin: str, site_map: SiteMap, count: int, folder: P
     labelled = [view for _, view in shared]
     if len(labelled) < LEAST_VIEWS:
         raise StructureError(
-            f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map more of the "
-            "site, or label some by hand (`savmap label`)"
+            f"{job.source}: the map labels {len(labelled)} views, fewer than {LEAST_VIEWS}: too few to learn from; map "
+            "more of the site, or label some by hand (`savmap label`)"
         )
     for name in SETS:
         write_set(folder / name, classes, [view for goes_to, view in shared if goes_to == name])

@@ -144,7 +144,8 @@ class ShownFace:
 
     def _warped(self, values: Singles) -> Singles:
         """What a patch (rows, columns) holds at each pixel (height, width)."""
-        warped = cv2.remap(values, self.cells, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+        columns, rows = cv2.split(self.cells)
+        warped = cv2.remap(values, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(warped, np.float32)
 
 

@@ -111,8 +111,8 @@ def named_tests(plan: TrainingPlan, samples: Sequence[Sample]) -> dict[str, Sequ
         shared = [sample.image.name for sample in dataset.samples if sample.image_digest in trained]
         if shared:
             raise OutputError(
-                f"--held-out {source}: {shared[0]} is also trained on, {len(shared)} of {len(dataset.samples)} pictures in all; "
-                "give another set, or leave it out"
+                f"--held-out {source}: {shared[0]} is also trained on, {len(shared)} of {len(dataset.samples)} "
+                "pictures in all; give another set, or leave it out"
             )
         if name in tests or name == VALIDATION:
             raise OutputError(f"--held-out {source}: two sets would be called {name}; rename its folder")

@@ -118,8 +118,8 @@ def warning_of(plan: TrainingPlan, iou: float, steps: int) -> dict[str, str]:
         return {}
     what = (
         f"WARNING: {plan.output.name} is useless so far: IoU {iou:.3f} on the validation pictures after {steps} steps "
-        f"(usable from about {USELESS_IOU:g}, good from 0.8). Train longer (--minutes {MINUTES:g}, or go on with --init "
-        f"{plan.checkpoint.name} and another -o), and look whether the labels and --class are right"
+        f"(usable from about {USELESS_IOU:g}, good from 0.8). Train longer (--minutes {MINUTES:g}, or go on with "
+        f"--init {plan.checkpoint.name} and another -o), and look whether the labels and --class are right"
     )
     return {"warning": what}
 
@@ -131,8 +131,8 @@ def plan_of(plugin: str, options: TrainOptions) -> TrainingPlan:
     init = float_model(plugin_class.model) if options.init == SHIPPED else options.init
     fine_tunes = init is not None and init.suffix == ".onnx" and not options.whole
     lab = lab_plugin(plugin)
-    known = (lab.network_classes if lab is not None else ()) or plugin_class.classes
-    classes = trained_classes(plugin_class.classes, known, init)
+    defaults = (lab.network_classes if lab is not None else ()) or plugin_class.classes
+    classes = trained_classes(plugin_class.classes, defaults, init)
     return TrainingPlan(
         classes,
         options.data,
@@ -182,8 +182,8 @@ def float_model(model: Path) -> Path:
     path = model.with_name(f"{name}.onnx")
     if not path.is_file():
         raise ModelError(
-            f"{path}: no float32 network to train on is there. Wheels of savmap leave theirs out: take it from the source "
-            f"distribution (pip download --no-deps --no-binary savmap savmap=={version('savmap')}) or the repository, "
+            f"{path}: no float32 network to train on is there. Wheels of savmap leave theirs out: take it from the "
+            f"source distribution (pip download --no-deps --no-binary savmap savmap=={version('savmap')}) or the repository, "
             "and put it there, or name it with --init FILE.onnx"
         )
     return path
