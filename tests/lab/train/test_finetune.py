@@ -17,7 +17,7 @@ from savmap.lab.train import train
 from savmap.lab.train.data.dataset import MaskFile, Sample, held_out
 from savmap.lab.train.data.sets import read_sets
 from savmap.lab.train.measure import Reliability, score_file, score_network
-from savmap.lab.train.plan import TrainingPlan, float_model, mapping_of, minutes_of
+from savmap.lab.train.plan import TrainingPlan, float_model, mapping_of, minutes_of, trained_classes
 
 from .conftest import MODELS, write_dataset
 
@@ -95,6 +95,20 @@ def test_names_of_classes() -> None:
             mapping_of([wrong], ["b"])
     with pytest.raises(SiteError, match=r"--class pole=colum: the network has no class colum \(it has column, beam\)"):
         mapping_of(["pole=colum"], ["column", "beam"])
+
+
+def test_from_nothing_all_classes_of_the_plugins_network() -> None:
+    assert trained_classes(("post",), ("post", "post_side"), None) == ("post", "post_side")
+    assert trained_classes(("post",), ("post",), Path("a.checkpoint.pt")) == ("post",)
+
+
+def test_a_file_that_has_the_needed_classes_keeps_its_own() -> None:
+    assert trained_classes(("light",), ("light", "light_side"), MODELS["lights"]) == ("light",)
+
+
+def test_a_file_for_other_classes_gets_the_plugins(tmp_path: Path) -> None:
+    assert trained_classes(("post",), ("post",), MODELS["lights"]) == ("post",)
+    assert trained_classes(("post",), ("post",), tmp_path / "missing.onnx") == ("post",)
 
 
 def test_how_long() -> None:

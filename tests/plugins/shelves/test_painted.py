@@ -97,10 +97,3 @@ def test_the_command_writes_what_training_reads(tmp_path: Path) -> None:
     assert {group_of(sample.image.stem) for sample in samples} == {group_of("painted-11-000000")}
     values = {int(value) for sample in samples for value in np.unique(sample.load()[1])}
     assert {UPRIGHT, BEAM} < values <= {0, UPRIGHT, BEAM, UPRIGHT + SIDES, BEAM + SIDES, 255}
-
-
-def test_wrong_numbers_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["--count", "0", "-o", str(tmp_path / "set")])
-    assert "--count 1 or more" in capsys.readouterr().err
-    assert not (tmp_path / "set").exists()
