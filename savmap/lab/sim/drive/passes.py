@@ -33,11 +33,11 @@ class TruePass:
 def true_passes(built: Built, path: Drive) -> list[TruePass]:
     """The passes of a drive along mapped rows, in order; none in a scene without a mapped row."""
     travel = _travel(path)
-    hands = {name: _beside(built, name, path, travel) for name in (mapped_rows(built) if built.boxes else [])}
-    on = np.any([np.abs(hand) > 0 for hand in hands.values()], axis=0) if hands else np.zeros(len(travel), bool)
+    by_row = {name: _beside(built, name, path, travel) for name in (mapped_rows(built) if built.boxes else [])}
+    on = np.any([np.abs(hand) > 0 for hand in by_row.values()], axis=0) if by_row else np.zeros(len(travel), bool)
     passes = []
     for first, last in _stretches(on, travel):
-        hands = {name: np.sign(hand[first : last + 1].sum()) for name, hand in hands.items()}
+        hands = {name: np.sign(hand[first : last + 1].sum()) for name, hand in by_row.items()}
         left, right = (tuple(name for name, hand in hands.items() if hand == side) for side in (-1, 1))
         ahead = travel[first : last + 1].mean(axis=0)
         angle = float(np.degrees(np.arctan2(ahead[1], ahead[0])))
