@@ -134,7 +134,7 @@ def test_without_the_float_network_it_is_said_where_it_is(tmp_path: Path, monkey
     integers = tmp_path / "posts.int8.onnx"
     integers.touch()
     monkeypatch.setattr(plans, "load_class", lambda name: SimpleNamespace(model=integers))
-    where = r"posts\.onnx: no float32 .* pip download --no-deps --no-binary savmap savmap==\d.* or name it with --init"
+    where = r"posts\.onnx: no float32 .*pip download --no-deps --no-binary savmap savmap==\d.* or name it with --init"
     with pytest.raises(SavmapError, match=where) as error:
         plans.plan_of("posts", plans.TrainOptions([tmp_path], tmp_path / "m.onnx", init=plans.SHIPPED))
     assert "\n" not in str(error.value)

@@ -28,7 +28,12 @@ _QUALITY = {"crf": "18", "preset": "fast"}
 
 
 def panorama(
-    scene: Renderer, origin: Floats, world_from_rig: Floats, height: int, appearance: Exposure, seed: Sequence[int] = (0,)
+    scene: Renderer,
+    origin: Floats,
+    world_from_rig: Floats,
+    height: int,
+    appearance: Exposure,
+    seed: Sequence[int] = (0,),
 ) -> Image:
     """The panorama (height, 2 height, 3) RGB of a rig at `origin` (3,) m; `seed` fixes its noise."""
     rng = np.random.default_rng(list(seed))
