@@ -28,6 +28,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
+from savmap.lab.train.data.shapes import checked, polygon_of
 
 from bench.baseline import Figures
 from bench.photo_files import PHOTOS, photo, scaled
@@ -35,7 +36,6 @@ from savmap.errors import OutputError
 from savmap.files.atomic import read_json
 from savmap.lab.label.polygons import Polygon, filled
 from savmap.lab.train.data.dataset import HEIGHT, IGNORE, WIDTH
-from savmap.lab.train.data.shapes import checked, polygon_of
 from savmap.plugin.manager import load_class
 from savmap.types import Thresholds
 from savmap.vision.masks import connected_regions, hysteresis
