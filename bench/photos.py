@@ -28,14 +28,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
-from savmap.lab.train.data.shapes import checked, polygon_of
 
 from bench.baseline import Figures
 from bench.photo_files import PHOTOS, photo, scaled
 from savmap.errors import OutputError
 from savmap.files.atomic import read_json
+from savmap.files.validation import checked
 from savmap.lab.label.polygons import Polygon, filled
 from savmap.lab.train.data.dataset import HEIGHT, IGNORE, WIDTH
+from savmap.lab.train.data.sets import polygon_of
 from savmap.plugin.manager import load_class
 from savmap.types import Thresholds
 from savmap.vision.masks import connected_regions, hysteresis
@@ -112,7 +113,7 @@ class Truth:
 
 def read_pieces(path: Path) -> list[Piece]:
     """What was drawn, in order of painting. Raises OutputError for a file that is not LabelMe's."""
-    shapes = checked(Shapes, path, read_json(path)).shapes
+    shapes = checked(Shapes, read_json(path), str(path)).shapes
     drawn = [(shape.label, shape.flags.get("front", True), shape.points) for shape in shapes]
     return [
         Piece(label, front, polygon_of([number for point in points for number in point], f"{path}: shape {index}"))
