@@ -76,7 +76,10 @@ _NAMES = {
     "savmap.plugin.hookspecs": "hookimpl",
     "savmap.plugin.protocol": "Plugin",
     "savmap.report.viewer.notebook": "MapView",
-    "savmap.types": "CrossRowLandmark Detection Doubt Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec",
+    "savmap.types": (
+        "CrossRowLandmark Detection Doubt Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts "
+        "RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec"
+    ),
     "savmap.types.progress": "Monitor",
 }
 """What is public, by the module that it is imported from."""

@@ -17,7 +17,8 @@ class SplitSettings:
       at least `apart_s` apart, and are shrunk to `width` pixels.
     - Straights: the rig turns slower than `turn_deg_s`; a straight goes on while its direction of travel stays within
       `bend_deg`.
-    - Cuts: two pictures in a row that are alike by less than `suspect`, 0 to 1, once motion is allowed for, are compared
+    - Cuts: two pictures in a row that are alike by less than `suspect`, 0 to 1, once motion is allowed for, are
+    compared
       again every `closer_s`; where two of these are alike by less than `cut`, the recording was cut.
     - Nearness: what is abeam passes at `near` or more of the rate of what passes fastest around; gaps of up to `gap_s`
       do not end a pass.

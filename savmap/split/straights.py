@@ -154,8 +154,8 @@ def nearness(motions: Sequence[Motion], rig: Floats, straight: Straight) -> Near
 
 
 def _sample(motion: Motion, way: float, off_deg: float) -> tuple[Floats, Floats, Floats, bool]:
-    """Rates abeam (2,), the fastest (2,), texture (2,), and whether the camera stands. `off_deg`: how far to the right of
-    the way the straight's direction is, degrees."""
+    """Rates abeam (2,), the fastest (2,), texture (2,), and whether the camera stands. `off_deg`: how far to the right
+    of the way the straight's direction is, degrees."""
     turn, left, right = refitted(motion.rates, way)
     from_way = np.radians(wrapped(bearings() - way))
     from_line = wrapped(bearings() - way - off_deg)

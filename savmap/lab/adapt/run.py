@@ -159,8 +159,8 @@ def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path
     ]
     if not outlines_of(structures, work.classes):
         raise StructureError(
-            f"{state.map_file}: has no outlines of `{work.plugin}` ({', '.join(work.classes)}) to learn from; see why it "
-            "maps none"
+            f"{state.map_file}: has no outlines of `{work.plugin}` ({', '.join(work.classes)}) to learn from; "
+            "see why it maps none"
         )
     return state
 

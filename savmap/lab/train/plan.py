@@ -183,8 +183,8 @@ def float_model(model: Path) -> Path:
     if not path.is_file():
         raise ModelError(
             f"{path}: no float32 network to train on is there. Wheels of savmap leave theirs out: take it from the "
-            f"source distribution (pip download --no-deps --no-binary savmap savmap=={version('savmap')}) or the repository, "
-            "and put it there, or name it with --init FILE.onnx"
+            f"source distribution (pip download --no-deps --no-binary savmap savmap=={version('savmap')}) or the "
+            "repository, and put it there, or name it with --init FILE.onnx"
         )
     return path
 
