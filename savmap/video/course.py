@@ -152,11 +152,12 @@ def _turns(course: Course) -> Iterator[Doubt]:
     """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
     heading = course.steps.heading_deg
     turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
-    steps = {"the camera is turned away from the row": turned, "the camera leaves the row's direction": _astray(course)}
-    for what, flags in steps.items():
-        for first, last in _runs(flags, BACK_STEPS)[:1]:
-            figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
-            yield Doubt("motion", what, figure=figure, action=action)
+    for first, last in _runs(turned, BACK_STEPS)[:1]:
+        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
+        yield Doubt("motion", "the camera is turned away from the row", figure=figure, action=action)
+    for first, last in _runs(_astray(course), BACK_STEPS)[:1]:
+        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
+        yield Doubt("motion", "the camera leaves the row's direction", figure=figure, action=action)
 
 
 def _astray(course: Course) -> Bools:

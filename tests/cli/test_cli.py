@@ -150,7 +150,7 @@ def test_terminated_ends_as_interrupted(savmap: Savmap, monkeypatch: pytest.Monk
 
 @pytest.mark.slow
 def test_simulate_leaves_nothing_when_it_is_terminated(tmp_path: Path) -> None:
-    scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 1024}\nrows: {A: {x: 0.0, z: 0.0}}\n"
+    scene = "cart: {start: [0.5, 1.2], end: [3.0, 1.2], height: 1.5, frames: 400, width: 256}\nrows: {A: {x: 0.0, z: 0.0}}\n"
     bays = "structures: {shelves: {rows: {A: {bays: [{width: 2.0, beams: [0.2, 1.2]}], height: 3.0}}}}\n"
     (tmp_path / "scene.yaml").write_text(scene + bays, encoding="utf-8")
     command = [sys.executable, "-c", "from savmap.cli import main; main()", "simulate", "scene.yaml", "-o", "made"]

@@ -113,12 +113,3 @@ def test_lamps_alone_are_mapped_on_an_earlier_maps_path(demo: Path, tmp_path: Pa
     lamps = json.loads(run("evaluate", tmp_path / "out", EXAMPLE / "survey.json", "--json"))["lights"]
     assert (lamps["missing"], lamps["spurious"]) == (0, 0)
     assert lamps["max_m"] < 0.025
-
-
-@pytest.mark.slow
-def test_check_finds_nothing_wrong_and_says_what_a_run_takes(tmp_path: Path) -> None:
-    said = run("check", site(tmp_path, fps=1.0), "-o", tmp_path / "out")
-    assert "views in" in said
-    assert "17 frames; measuring them will take about" in said
-    assert "no problem found" in said
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["views-A-pass-1.jpg"]

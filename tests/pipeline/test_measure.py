@@ -173,8 +173,7 @@ def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None
     assert not walk.segmenters.networks["one"]._segmentations
 
 
-@pytest.mark.parametrize("footage", ["video", "pictures"])
-@pytest.mark.parametrize("cut_off_at", [0, 5, 11])
+@pytest.mark.parametrize(("cut_off_at", "footage"), [(0, "video"), (5, "pictures"), (11, "video")])
 def test_a_walk_that_was_cut_off_goes_on_there(
     aimed: PassPlan, footage: str, cut_off_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -223,8 +223,7 @@ def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -
     assert asked.vertical_scale is None
 
 
-@pytest.mark.parametrize("turn", [0.0, 60.0, -40.0])
-@pytest.mark.parametrize("bent_deg", [20.0, 5.0])
+@pytest.mark.parametrize(("turn", "bent_deg"), [(0.0, 20.0), (60.0, 5.0), (-40.0, 20.0)])
 def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_deg: float) -> None:
     good = solved(small, None)
     spoilt = bent(small, good, Bend("", turn, bent_deg))
