@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ class _Anything(tuple[()]):
     """A report of nothing, and a list of no plugins."""
 
     __slots__ = ()
-    title, evaluation, places = "", None, ()
+    title, evaluation, places, drawings = "", None, (), defaultdict[str, tuple[()]](tuple)
 
 
 def run_map(folder: Path, site: str = "site.yaml", *options: str) -> Result:

@@ -47,7 +47,7 @@ def test_a_map_from_url_to_url_is_that_from_path_to_path(tmp_path: Path) -> None
         row = f"rows: {{A: {{passes: [{{video: '{video}', side: left, fps: 1, end_s: 9}}]}}}}\n"
         write_text(
             tmp_path / f"{name}.yaml",
-            f"plugins: {{shelves: {{}}}}\nreferences: {{camera_height_m: {{value: 3.05}}}}\n{row}",
+            f"plugins: {{shelves: {{lowest_beam_bottom_height_m: [0.303, 0.175]}}}}\nreferences: {{camera_height_m: {{value: 3.05}}}}\n{row}",
         )
     there = "memory://results/one"
     for name, output in (("url", there), ("path", str(tmp_path / "out"))):

@@ -16,7 +16,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 UNWRITABLE = Path("/dev/null/home")
 """Not even root can write there."""
 LABORATORY = ("savmap.lab", "savmap_shelves.lab", "savmap_lights.lab", "savmap_signs.lab")
-OF_EXTRAS = ("torch", "onnx", "embreex", "distributed", "upath", "rapidocr", "zxingcpp", "ezdxf", "ifcopenshell", "pxr")
+OF_EXTRAS = ("onnx", "embreex", "distributed", "upath", "rapidocr", "zxingcpp", "ezdxf", "ifcopenshell", "pxr")
 UNNEEDED = (*LABORATORY, *OF_EXTRAS)
 """Modules that mapping does without: importing one of them fails where they are None."""
 
