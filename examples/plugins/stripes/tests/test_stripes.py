@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 import savmap
 from savmap.lab.sim.scene.files import load_scene
@@ -62,7 +61,7 @@ def mapped(aisle: Path, out: Path, references: dict[str, Any]) -> tuple[np.ndarr
         "rows": {"A": {"passes": [{"video": str(aisle / "footage.mp4"), "side": "left"}]}},
     }
     path = out / "site.yaml"
-    path.write_text(yaml.safe_dump(site), encoding="utf-8")
+    path.write_text(json.dumps(site), encoding="utf-8")
     corners = [stripe.vertices for stripe in savmap.map_site(path).rows["A"].structures["stripes"]]
     survey = json.loads((aisle / "survey.json").read_text(encoding="utf-8"))["rows"]["A"]["stripes"]
     return np.array(corners), np.array(survey)
