@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import isfinite
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -139,6 +141,12 @@ class Detection:
             self,
             "mask and probability differ in shape",
         )
+
+    @cached_property
+    def place(self) -> tuple[slice, slice]:
+        """The rows and columns that the mask is in."""
+        left, top, width, height = cv2.boundingRect(self.mask.view(np.uint8))
+        return slice(top, top + height), slice(left, left + width)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from savmap_lights.picture.compact import Compact, compacts_of, more_like, stand
 from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, compact_again, glare_of, strip_again
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
-from savmap_lights.picture.seeds import Seed, brightness_of, seeds_of
+from savmap_lights.picture.seeds import Seed, seeds_of
 from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips, without_hidden_ends
 
 FIRST_LIKE = 20_000
@@ -42,8 +42,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     left = set(range(len(detections)))
     if glare is not None:
         left, features = _glaring(view, detections, glare, grey)
-    seeds = [seed for seed in seeds_of(grey, detections) if seed.number in left]
-    compact, lit = _lamps_and_strips(grey, seeds)
+    compact, lit = _lamps_and_strips(grey, seeds_of(grey, detections, left))
     lamps = _distinct(
         (n, other, SIGMA_CENTRE_PX) for n, lamp, seed in compact for other in (lamp, *more_like(grey, seed, lamp))
     )
@@ -125,14 +124,14 @@ def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], numbers
         return []
     shared = {id(detections[number].probability): detections[number].probability for number in numbers}
     seen: Singles = np.asarray(SEEN * np.maximum.reduce(list(shared.values())), np.float32)
-    again = [seed for seed in seeds_of(seen, detections) if seed.number in numbers]
+    again = seeds_of(seen, detections, numbers)
     bodies = [replace(body, instance=MASKED + body.instance) for body in strips(seen, again)]
     features = [feature for body in bodies for feature in _strip(view, detections, body, BY_MASK_PX)]
     taken = {number for body in bodies for number in body.numbers}
     for seed in again:
         detection = detections[seed.number]
         if seed.number not in taken and not touches_border(detection.mask):
-            instance = seed.number + OUTLINED * stands_out(grey, detection.mask, brightness_of(grey, detection))
+            instance = seed.number + OUTLINED * stands_out(grey, detection)
             features.append(point_feature(view, detection, instance, "centre", seed.middle, BY_MASK_PX))
     return features
 

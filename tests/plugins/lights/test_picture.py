@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import project
-from savmap.types import Feature, Floats
+from savmap.types import Bools, Detection, Feature, Floats
 from savmap_lights.features import extract_features, is_by_mask
 from savmap_lights.picture.bars import parts_of
 
@@ -119,12 +119,16 @@ def test_a_bar_beside_a_compact_lamp_is_no_part_of_it() -> None:
     assert np.abs(centres[0].pixels[0] - true[0]).max() < 1.0
 
 
+def detection_of(mask: Bools) -> Detection:
+    return Detection("light", 0.9, mask, mask.astype(np.float32))
+
+
 def test_only_masks_with_thin_parts_are_parted() -> None:
     mask = np.zeros((60, 200), np.bool_)
     mask[20:40, 10:190] = True
-    assert parts_of(mask) == []
+    assert parts_of(detection_of(mask)) == []
     mask[:] = False
     mask[20:40, 10:30] = mask[20:40, 150:170] = mask[36:40, 10:170] = True
-    first, second = parts_of(mask)
+    first, second = (part.mask for part in parts_of(detection_of(mask)))
     assert first.sum() == second.sum() == 400
     assert not (first & second).any()

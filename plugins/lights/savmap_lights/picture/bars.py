@@ -1,9 +1,11 @@
 """Bright bars along a line of compact lamps, such as a purlin that they light: a mask joins them with the lamps that they touch."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
-from savmap.plugin import Bools, Floats
+from savmap.plugin import Detection, Floats
 from savmap_lights.picture.profiles import STEP_PX, Singles, sampled
 
 CORE = 0.6
@@ -15,11 +17,9 @@ DARKER = 15.0
 MOST = 0.4
 
 
-def parts_of(mask: Bools) -> list[Bools]:
-    """The thick parts (h, w) of a mask (h, w) that thin ones join or stick out of; none where it is all of one thickness."""
-    rows, columns = np.nonzero(mask)
-    low, high = (np.array([rows.min(), columns.min()]), np.array([rows.max(), columns.max()]) + 1)
-    own = np.pad(mask[low[0] : high[0], low[1] : high[1]].astype(np.uint8), 1)
+def parts_of(detection: Detection) -> list[Detection]:
+    """The thick parts of a detection's mask that thin ones join or stick out of; none where it is all of one thickness."""
+    own = np.pad(detection.mask[detection.place].astype(np.uint8), 1)
     thick = 2 * float(cv2.distanceTransform(own, cv2.DIST_L2, 3).max())
     size = round(CORE * thick)
     if size < LEAST_CORE_PX:
@@ -30,9 +30,9 @@ def parts_of(mask: Bools) -> list[Bools]:
         return []
     parts = []
     for number in range(1, count):
-        part = np.zeros(mask.shape, np.bool_)
-        part[low[0] : high[0], low[1] : high[1]] = (numbers == number)[1:-1, 1:-1]
-        parts.append(part)
+        part = np.zeros_like(detection.mask)
+        part[detection.place] = (numbers == number)[1:-1, 1:-1]
+        parts.append(replace(detection, mask=part))
     return parts
 
 
@@ -43,8 +43,9 @@ def without_bar(
     there: one that goes on beside the lamp, on both sides."""
     low, high = -size / 2, size / 2
     along = np.arange(low, high + STEP_PX / 2, STEP_PX)
-    flanks = [sampled(grey, middle, axis, along, way * (width / 2 + BESIDE_PX)).mean(axis=1) for way in (-1, 1)]
-    beside = np.minimum(flanks[0], flanks[1])
+    aside = width / 2 + BESIDE_PX
+    flanks = sampled(grey, middle, axis, along, np.concatenate([-aside, aside])).reshape(len(along), 2, -1)
+    beside = flanks.mean(axis=2).min(axis=1)
     dark = float(beside.min())
     if level - dark < DARKER:
         return low, high

@@ -4,21 +4,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.plugin import Bools, Floats
+from savmap.plugin import Detection, Floats
 from savmap_lights.picture.bars import without_bar
 from savmap_lights.picture.hidden import is_covered
 from savmap_lights.picture.profiles import (
     BORDER_PX,
     DROP,
-    STEP_PX,
     VIEW_AXES,
     Singles,
-    falls_aside,
+    median,
     places_within,
     profile_of,
-    sampled_aslant,
+    sides,
 )
-from savmap_lights.picture.seeds import STRIP_RATIO, Seed
+from savmap_lights.picture.seeds import STRIP_RATIO, Seed, brightness_of
 
 SLICES = 24
 WIDER = 0.3
@@ -55,23 +54,24 @@ def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | Non
     to both sides, where something joins it with others. None where it does not, or not well within the picture."""
     if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
         return None
-    middle, sizes, hidden = seed.middle, [0.0, 0.0], [(False, False), (False, False)]
+    middle, sizes, found = seed.middle, [0.0, 0.0], []
     for number, axis in enumerate(VIEW_AXES):
         across = VIEW_AXES[1 - number]
-        aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
-        along = np.linspace(-0.3 * seed.width, 0.3 * seed.width, SLICES)
-        values = sampled_aslant(grey, middle, axis, across, along, aside)
-        left, right = (falls_aside(values, aside, seed.level, side) for side in (-1, 1))
+        along = np.linspace(-0.3 * seed.width, 0.3 * seed.width, SLICES)[:, None]
+        left, right = sides(grey, middle, (axis, across), along, seed.length + 8, seed.level)
         both = np.isfinite(left) & np.isfinite(right)
-        if both.sum() < SLICES / 2 or float(np.median((right - left)[both])) < 0.6 * seed.width:
+        if np.count_nonzero(both) < SLICES / 2 or median((right - left)[both]) < 0.6 * seed.width:
             return None
-        low, high = (float(np.median(side[both])) for side in (left, right))
+        low, high = median(left[both]), median(right[both])
         sizes[1 - number] = high - low
-        first, last = (is_covered(grey, middle, across, seed.width, *end) for end in ((low, -1), (high, 1)))
-        hidden[1 - number] = first, last
+        found.append((middle, across, low, high))
         middle = middle + (low + high) / 2 * across
     if max(sizes) > STRIP_RATIO * min(sizes):
         return None
+    hidden = [
+        tuple(is_covered(grey, about, across, seed.width, *end) for end in ((low, -1), (high, 1)))
+        for about, across, low, high in reversed(found)
+    ]
     for number, axis in enumerate(VIEW_AXES if joined else ()):
         low, high = without_bar(grey, middle, axis, sizes[number], sizes[1 - number], seed.level)
         first, last = hidden[number]
@@ -98,10 +98,11 @@ def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
     return found
 
 
-def stands_out(grey: Singles, mask: Bools, level: float) -> bool:
-    """Whether it is darker than a lamp's brightness on all four sides of its mask (h, w), most of what is 5 to 10 px away."""
-    rows, columns = np.nonzero(mask)
-    (top, bottom), (left, right) = ((int(at.min()), int(at.max()) + 1) for at in (rows, columns))
+def stands_out(grey: Singles, detection: Detection) -> bool:
+    """Whether it is darker than a lamp's brightness on all four sides of its mask, most of what is 5 to 10 px away."""
+    level = brightness_of(grey, detection)
+    rows, columns = detection.place
+    top, bottom, left, right = rows.start, rows.stop, columns.start, columns.stop
     sides = [
         grey[max(top - AROUND_PX, 0) : max(top - BESIDE_PX, 0), left:right],
         grey[bottom + BESIDE_PX : bottom + AROUND_PX, left:right],

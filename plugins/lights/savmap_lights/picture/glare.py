@@ -52,12 +52,17 @@ def glare_of(image: np.ndarray, grey: Singles, detections: Sequence[Detection]) 
     white = max(brightness_of(darkest, detection) for detection in own)
     if white < WHITE:
         return None
-    last = np.asarray(np.clip((darkest - (white - LEVELS)) / LEVELS, 0, 1) * FULL, np.float32)
+    least, most = white - LEVELS * (1 - np.array([NEARLY, SURELY_LAMP]))
+    bright = darkest > least
+    lamps = np.zeros(bright.shape, np.uint8)
+    for detection in own:
+        lamps[detection.place] |= detection.mask[detection.place].view(np.uint8)
     about = np.ones((2 * ABOUT_PX + 1, 2 * ABOUT_PX + 1), np.uint8)
-    lamps = cv2.dilate(np.any([detection.mask for detection in own], axis=0).astype(np.uint8), about) > 0
-    bright = last > NEARLY * FULL
-    glaring = np.count_nonzero(bright & (last < SURELY_LAMP * FULL) & ~lamps)
-    return Glare(darkest, last) if glaring > GLARING * np.count_nonzero(bright) else None
+    glaring = np.count_nonzero(bright & (darkest < most) & (cv2.dilate(lamps, about) == 0))
+    if glaring <= GLARING * np.count_nonzero(bright):
+        return None
+    last = np.clip((darkest - (white - LEVELS)) / LEVELS, 0, 1) * FULL
+    return Glare(darkest, np.asarray(last, np.float32))
 
 
 def beside_strip(last: Singles, body: Body) -> bool:

@@ -1,5 +1,7 @@
 """Brightness along lines through a picture, and where it falls from lit to dark."""
 
+from math import ceil, floor, inf
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ DROP = 5.0
 BEYOND_PX = 9.0
 SHARP_PX, STEEP = 3.5, 0.6
 BORDER_PX = 3.0
+STEEP_STEPS, BEYOND_STEPS, NEARBY_STEPS = round(SHARP_PX / STEP_PX), round(BEYOND_PX / STEP_PX), 48
 HALF = 0.6
 STEEP_PART, VALLEY, STEP_SHARE = 0.4, 0.5, (0.25, 0.9)
 """A fall is in two steps where it is at least `STEEP_PART` as steep as anywhere on both sides of a place where it is at most `VALLEY` as steep as on either,
@@ -22,37 +25,52 @@ and where the first step is such a share of it."""
 
 def places_within(grey: Singles, middle: Floats, axis: Floats) -> Floats:
     """Places along an axis, px from the middle, within the picture."""
-    size = np.array([grey.shape[1], grey.shape[0]]) - 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        limits = np.stack([-middle / axis, (size - middle) / axis])
-    limits = np.where(np.isfinite(limits), limits, np.array([[-np.inf], [np.inf]]))
-    low, high = limits.min(axis=0).max(), limits.max(axis=0).min()
-    return np.arange(np.ceil(low / STEP_PX), np.floor(high / STEP_PX) + 1) * STEP_PX
+    low, high = -inf, inf
+    for at, way, size in zip(middle.tolist(), axis.tolist(), grey.shape[::-1], strict=True):
+        if way:
+            first, last = sorted((-at / way, (size - 1 - at) / way))
+            low, high = max(low, first), min(high, last)
+    return STEP_PX * np.arange(ceil(low / STEP_PX), floor(high / STEP_PX) + 1, dtype=np.float64)
 
 
 def profile_of(grey: Singles, middle: Floats, axis: Floats, places: Floats, half: float) -> Floats:
     """Mean brightness (n,) at places along an axis, over a band of `half` px to either side."""
-    aside = np.linspace(-half, half, max(3, 2 * round(half) + 1))
-    profile: Floats = sampled(grey, middle, axis, places, aside).mean(axis=1)
+    steps = max(1, round(half))
+    aside = half / steps * np.arange(-steps, steps + 1, dtype=np.float64)
+    profile: Floats = sampled_aslant(grey, middle, normal_to(axis), axis, aside, places).mean(axis=0)
     return profile
+
+
+def normal_to(axis: Floats) -> Floats:
+    """The axis (2,) at right angles to one."""
+    return np.array([-axis[1], axis[0]])
 
 
 def sampled(grey: Singles, middle: Floats, axis: Floats, along: Floats, aside: Floats) -> Floats:
     """Brightness (n, m) at places along and aside of an axis."""
-    return sampled_aslant(grey, middle, axis, np.array([-axis[1], axis[0]]), along, aside)
+    return sampled_aslant(grey, middle, axis, normal_to(axis), along, aside)
 
 
 def sampled_aslant(grey: Singles, middle: Floats, axis: Floats, normal: Floats, along: Floats, aside: Floats) -> Floats:
     """Brightness (n, m) at places along an axis and along another one, which need not be at right angles to it."""
-    pixels = (middle + along[:, None, None] * axis + aside[None, :, None] * normal).astype(np.float32)
-    values = cv2.remap(grey, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    x, y = (np.add.outer(middle[k] + along * axis[k], aside * normal[k]).astype(np.float32) for k in (0, 1))
+    values = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, np.float64)
 
 
-def fall(profile: Floats, places: Floats, dark: int) -> tuple[float, bool]:
-    """Where a profile falls steepest about its first dark place, and whether it does so sharply, in one step."""
-    middles, sharp = falls(profile[None], places, np.array([dark]))
-    return float(middles[0]), bool(sharp[0]) and not is_stepped(profile, dark)
+def median(values: Floats) -> float:
+    """The median of a few values (n,), at a quarter of the cost of NumPy's."""
+    ordered = np.sort(values)
+    return float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+
+
+def ends_of(profile: Floats, places: Floats, firsts: Ints, lasts: Ints) -> tuple[Floats, Bools]:
+    """Where runs of lit places (r,) end that way and this way (2, r) along a profile, and whether they do so sharply."""
+    end = len(places) - 1
+    dark = np.concatenate([end - firsts, lasts]) + 1
+    at, sharp = falls(np.repeat([profile[::-1], profile], len(firsts), axis=0), np.minimum(dark, end))
+    low, high = np.where(dark > end, end, at).reshape(2, -1)
+    return np.stack([places[-1] - STEP_PX * low, places[0] + STEP_PX * high]), (sharp & (dark <= end)).reshape(2, -1)
 
 
 def is_stepped(profile: Floats, dark: int) -> bool:
@@ -74,35 +92,47 @@ def is_stepped(profile: Floats, dark: int) -> bool:
     return bool(steepness[valley] <= VALLEY * min(sides) and STEP_SHARE[0] < share < STEP_SHARE[1])
 
 
-def falls(profiles: Floats, places: Floats, dark: Ints) -> tuple[Floats, Bools]:
-    """Where profiles (n, m) fall steepest about their first dark places (n,), and whether they do so sharply: by most of what they fall
-    nearby, and well within the picture."""
-    steep, reach = round(SHARP_PX / STEP_PX), round(BEYOND_PX / STEP_PX)
-    begin, end = np.maximum(dark - 2 * steep, 0), np.minimum(dark + reach, len(places))
-    at = begin[:, None] + np.arange(2 * steep + reach)
+def falls(profiles: Floats, dark: Ints) -> tuple[Floats, Bools]:
+    """After how many steps profiles (n, m) fall steepest about their first dark places (n,), and whether they do so sharply: by most of
+    what they fall nearby, and well within the picture."""
+    begin, end = np.maximum(dark - 2 * STEEP_STEPS, 0), np.minimum(dark + BEYOND_STEPS, profiles.shape[1])
+    row, column = np.arange(len(dark)), np.arange(2 * STEEP_STEPS + BEYOND_STEPS)
+    at = begin[:, None] + column
     inside, at = at < end[:, None], np.minimum(at, end[:, None] - 1)
-    lines = np.take_along_axis(profiles, at, axis=1)
-    drops = np.where(inside[:, steep:], lines[:, :-steep] - lines[:, steep:], -np.inf)
+    lines = profiles[row[:, None], at]
+    drops = np.where(inside[:, STEEP_STEPS:], lines[:, :-STEEP_STEPS] - lines[:, STEEP_STEPS:], -np.inf)
     k = np.argmax(drops, axis=1)
-    row, column = np.arange(len(lines)), np.arange(lines.shape[1])
-    drop, before = drops[row, k], column <= k[:, None]
-    nearby = np.where(before, lines, -np.inf).max(axis=1) - np.where(column >= k[:, None], lines, np.inf).min(axis=1)
-    level = lines[row, k + steep] + HALF * np.maximum(drop, 0)
-    under = (lines < level[:, None]) & ~before
+    drop = drops[row, k]
+    highest, lowest = np.maximum.accumulate(lines, axis=1), np.minimum.accumulate(lines[:, ::-1], axis=1)
+    nearby = highest[row, k] - lowest[row, -1 - k]
+    level = lines[row, k + STEEP_STEPS] + HALF * np.maximum(drop, 0)
+    under = (lines < level[:, None]) & (column > k[:, None])
     after = np.maximum(np.argmax(under, axis=1), 1)
-    high, low = lines[row, after - 1], lines[row, after]
+    high, low, first = lines[row, after - 1], lines[row, after], at[row, after - 1]
     share = np.clip((high - level) / np.maximum(high - low, 1e-9), 0, 1)
-    start, stop = places[at[row, after - 1]], places[at[row, after]]
-    middles = start + share * (stop - start)
-    sharp = under.any(axis=1) & (drop >= np.maximum(DROP, STEEP * nearby))
-    return middles, sharp & (np.abs(middles - places[-1]) > BORDER_PX)
+    middles = first + share * (at[row, after] - first)
+    sharp = under[row, after] & (drop >= np.maximum(DROP, STEEP * nearby))
+    return middles, sharp & (STEP_PX * (profiles.shape[1] - 1 - middles) > BORDER_PX)
 
 
-def falls_aside(values: Floats, aside: Floats, level: float, side: int) -> Floats:
-    """For each row of values (n, m) where it falls by half going to a side from the middle; nan where it does not fall sharply."""
-    centre = len(aside) // 2
-    lines, where = (values[:, centre:], aside[centre:]) if side > 0 else (values[:, centre::-1], aside[centre::-1])
-    is_dark = lines < level - DROP
-    dark = np.argmax(is_dark, axis=1)
-    places, sharp = falls(lines, where, dark)
-    return np.where(sharp & (dark > 0), places, np.nan)
+def sides(
+    grey: Singles, middle: Floats, axes: tuple[Floats, Floats], along: Floats, reach: float, level: float
+) -> tuple[Floats, Floats]:
+    """For each row of places (n, p) along the first of two axes, how far to either side (n,), px along the second, the mean brightness at
+    them falls sharply to dark; nan where it does not within reach. First it is looked for nearby."""
+    most = ceil((2 * reach + 0.01) / STEP_PX) // 2
+    centre = STEP_PX * most - reach
+    lines, left = np.full((2, len(along), most + 1), np.inf), np.arange(len(along))
+    for half in sorted({min(NEARBY_STEPS, most), most}):
+        near, places = centre + STEP_PX * np.arange(-half, half + 1), along[left]
+        values = sampled_aslant(grey, middle, *axes, places.ravel(), near).reshape(*places.shape, -1).mean(axis=1)
+        lines[0, left, : half + 1], lines[1, left, : half + 1] = values[:, half::-1], values[:, half:]
+        is_dark = lines < level - DROP
+        dark = is_dark.argmax(axis=2)
+        known = is_dark.any(axis=2) & (dark + BEYOND_STEPS + BORDER_PX / STEP_PX < half)
+        left = np.flatnonzero(~known.all(axis=0))
+        if not len(left):
+            break
+    at, sharp = falls(lines.reshape(-1, most + 1), dark.ravel())
+    low, high = np.where(sharp & (dark.ravel() > 0), STEP_PX * at, np.nan).reshape(2, -1)
+    return centre - low, centre + high

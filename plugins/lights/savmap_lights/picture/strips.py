@@ -13,14 +13,15 @@ from savmap.plugin import Floats
 from savmap_lights.picture.hidden import is_covered
 from savmap_lights.picture.profiles import (
     DROP,
-    STEP_PX,
     VIEW_AXES,
     Singles,
-    fall,
-    falls_aside,
+    ends_of,
+    is_stepped,
+    median,
+    normal_to,
     places_within,
     profile_of,
-    sampled,
+    sides,
 )
 from savmap_lights.picture.seeds import STRIP_RATIO, Seed
 
@@ -127,18 +128,16 @@ def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> li
         if straight is None:
             return []
         middle, axis, width = straight
-    alike = [run for run in runs[1:] if _is_strip(grey, seed.level, middle, axis, width, run)]
+    sharp = [run for run in runs[1:] if run.low_sharp or run.high_sharp]
+    alike = [run for run in sharp if _is_strip(grey, seed.level, middle, axis, width, run)]
     return [_body(grey, run, middle, axis, width, seed, seeds) for run in (runs[0], *alike)]
 
 
 def _is_strip(grey: Singles, level: float, middle: Floats, axis: Floats, width: float, run: "Run") -> bool:
-    """Whether what is lit further along a strip's axis is as wide as this, and ends sharply somewhere."""
-    along = np.linspace(run.low, run.high, SLICES * PARTS + 2)[1:-1]
-    aside = np.arange(-1.5 * width - 4, 1.5 * width + 4.01, STEP_PX)
-    values = sampled(grey, middle, axis, along, aside).reshape(SLICES, PARTS, -1).mean(axis=1)
-    left, right = (falls_aside(values, aside, level, side) for side in (-1, 1))
-    alike = np.abs(right - left - width) <= WIDER * width + 1
-    return bool(alike.mean() > 0.5 and (run.low_sharp or run.high_sharp))
+    """Whether what is lit further along a strip's axis is as wide as this."""
+    along = np.linspace(run.low, run.high, SLICES * PARTS + 2)[1:-1].reshape(SLICES, PARTS)
+    left, right = sides(grey, middle, (axis, normal_to(axis)), along, 1.5 * width + 4, level)
+    return bool(np.count_nonzero(np.abs(right - left - width) <= WIDER * width + 1) > SLICES / 2)
 
 
 def _body(
@@ -191,14 +190,13 @@ def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float,
     if away[own] > seed.length / 2:
         return []
     long = np.flatnonzero(places[lasts] - places[firsts] >= width).tolist() if others else []
-    return [_run(profile, places, int(firsts[k]), int(lasts[k])) for k in (own, *(k for k in long if k != own))]
-
-
-def _run(profile: Floats, places: Floats, first: int, last: int) -> Run:
-    end = len(places) - 1
-    low = fall(profile[::-1], places[::-1], end - first + 1) if first > 0 else (float(places[0]), False)
-    high = fall(profile, places, last + 1) if last < end else (float(places[end]), False)
-    return Run(low[0], high[0], low[1], high[1])
+    kept = np.array([own, *(k for k in long if k != own)])
+    ends, sharp = ends_of(profile, places, firsts[kept], lasts[kept])
+    if others:
+        for way, line, dark in ((0, profile[::-1], len(places) - firsts), (1, profile, lasts + 1)):
+            for k in np.flatnonzero(sharp[way]):
+                sharp[way, k] = not is_stepped(line, int(dark[kept[k]]))
+    return [Run(*run) for run in zip(*ends.tolist(), *sharp.tolist(), strict=True)]
 
 
 def _straightened(
@@ -207,35 +205,36 @@ def _straightened(
     """Middle, axis and width of a strip by where its brightness falls sharply to either side; None where it does not in most places."""
     margin = 0.1 * (run.high - run.low)
     along = np.linspace(run.low + margin, run.high - margin, SLICES * PARTS).reshape(SLICES, PARTS)
-    aside = np.arange(-seed.length - 8, seed.length + 8.01, STEP_PX)
-    values = sampled(grey, middle, axis, along.ravel(), aside).reshape(SLICES, PARTS, -1).mean(axis=1)
-    along = along.mean(axis=1)
-    left, right = (falls_aside(values, aside, seed.level, side) for side in (-1, 1))
-    both = np.isfinite(left) & np.isfinite(right)
-    width = float(np.median((right - left)[both])) if both.sum() >= FEWEST else seed.width
-    both &= np.abs(right - left - width) <= 0.3 * width + 1
+    normal = normal_to(axis)
+    left, right = sides(grey, middle, (axis, normal), along, seed.length + 8, seed.level)
+    wide = right - left
+    both = np.isfinite(wide)
+    width = median(wide[both]) if np.count_nonzero(both) >= FEWEST else seed.width
+    both &= np.abs(wide - width) <= 0.3 * width + 1
     either = np.where(np.isfinite(left), left + width / 2, right - width / 2)
     centre = np.where(both, (left + right) / 2, either)
-    known = both if both.sum() >= FEWEST else np.isfinite(centre)
-    if known.sum() < SLICES / 3:
+    known = both if np.count_nonzero(both) >= FEWEST else np.isfinite(centre)
+    if np.count_nonzero(known) < SLICES / 3:
         return None
-    slope, shift, off = _line(along[known], centre[known])
+    slope, shift, off = _line(along.mean(axis=1)[known], centre[known])
     if off > 0.15 * width + 0.7:
         return None
-    normal = np.array([-axis[1], axis[0]])
     turned = axis + slope * normal
     return middle + shift * normal, turned / np.linalg.norm(turned), width
 
 
 def _line(at: Floats, values: Floats) -> tuple[float, float, float]:
     """Slope and value at 0 of a line through values (n,), without those that are far from it, and the median distance to it."""
-    slope, shift = 0.0, float(np.median(values))
+    slope, shift = 0.0, median(values)
     for _ in range(4):
         off = np.abs(values - slope * at - shift)
-        near = off <= max(3 * float(np.median(off)), 0.3)
-        if near.sum() < FEWEST:
+        near = off <= max(3 * median(off), 0.3)
+        count = np.count_nonzero(near)
+        if count < FEWEST:
             break
-        offset, height = at[near] - at[near].mean(), values[near].mean()
-        slope = float(offset @ values[near] / (offset @ offset))
-        shift = float(height - slope * at[near].mean())
-    return slope, shift, float(np.median(np.abs(values - slope * at - shift)))
+        places, heights = at[near], values[near]
+        about = places.sum() / count
+        offset = places - about
+        slope = float(offset @ heights / (offset @ offset))
+        shift = float(heights.sum() / count - slope * about)
+    return slope, shift, median(np.abs(values - slope * at - shift))
