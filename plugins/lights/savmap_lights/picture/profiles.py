@@ -124,7 +124,7 @@ def sides(
     centre = STEP_PX * most - reach
     lines, left = np.full((2, len(along), most + 1), np.inf), np.arange(len(along))
     for half in sorted({min(NEARBY_STEPS, most), most}):
-        near, places = centre + STEP_PX * np.arange(-half, half + 1), along[left]
+        near, places = centre + STEP_PX * np.arange(-half, half + 1.0), along[left]
         values = sampled_aslant(grey, middle, *axes, places.ravel(), near).reshape(*places.shape, -1).mean(axis=1)
         lines[0, left, : half + 1], lines[1, left, : half + 1] = values[:, half::-1], values[:, half:]
         is_dark = lines < level - DROP
