@@ -42,27 +42,31 @@ def connected_regions(mask: NDArray[np.uint8]) -> Regions:
     return Regions(np.asarray(labels, np.int32), columns[:, : cv2.CC_STAT_AREA], columns[:, cv2.CC_STAT_AREA])
 
 
-def hysteresis(probability: Probability, thresholds: Thresholds) -> NDArray[np.bool_]:
-    """The pixels (H, W) that count as a class of this probability (H, W): those above the threshold, or where the
-    probability stays below it, above half of the largest nearby, and above the weak threshold; in connected regions
-    that somewhere exceed that of seeds.
+def hysteresis(probability: Probability, thresholds: Thresholds) -> Bools:
+    """The pixels (H, W) that count as a class of this probability (H, W): those that are `likely`, in connected regions
+    that somewhere exceed the threshold of seeds.
 
-    Where a network is sure the mask ends at the threshold, where it is not at half of its height, so that a faint
-    member is as thick as a plain one. Hysteresis: Canny, A Computational Approach to Edge Detection, 1986.
+    Hysteresis: Canny, A Computational Approach to Edge Detection, 1986.
     """
-    above = probability > (thresholds.pixel if thresholds.weak >= thresholds.pixel else _local(probability, thresholds))
-    if thresholds.seed <= thresholds.weak:
-        return np.asarray(above)
+    above = likely(probability, thresholds)
     labels = region_labels(above.view(np.uint8))
     kept = np.zeros(int(labels.max()) + 1, np.bool_)
     kept[labels[above & (probability > thresholds.seed)]] = True
     return np.asarray(kept[labels])
 
 
-def _local(probability: Probability, thresholds: Thresholds) -> Probability:
-    """The threshold (H, W) at each pixel: half of the largest probability nearby, between the weak and the pixel's."""
-    near = cv2.dilate(probability, np.ones((NEAR_PX, NEAR_PX), np.uint8))
-    return np.asarray(np.clip(near / 2, thresholds.weak, thresholds.pixel), np.float32)
+def likely(probability: Probability, thresholds: Thresholds) -> Bools:
+    """The pixels (H, W) above the threshold, or where the probability stays below it, above half of the largest nearby,
+    and above the weak threshold.
+
+    Where a network is sure the mask ends at the threshold, where it is not at half of its height, so that a faint
+    member is as thick as a plain one.
+    """
+    above = probability > thresholds.weak
+    if thresholds.weak >= thresholds.pixel:
+        return np.asarray(above)
+    half = cv2.dilate(probability, np.ones((NEAR_PX, NEAR_PX), np.uint8)) / 2
+    return np.asarray(above & ((probability > half) | (probability > thresholds.pixel)))
 
 
 def region_labels(mask: NDArray[np.uint8]) -> Labels:

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, Thresholds, array_record
+from savmap.types import Bools, Detection, Thresholds, array_record
 from savmap.types.common import read_only
-from savmap.vision.masks import connected_regions, hysteresis
+from savmap.vision.masks import connected_regions, hysteresis, likely
 
 Probabilities = NDArray[np.float32]
 
@@ -45,7 +45,7 @@ class Segmentation:
             if self.owners is None:
                 detections += regions(label, np.ascontiguousarray(probability), threshold, min_pixels)
             else:
-                above, owner = _above(probability, threshold), self.owners[index]
+                above, owner = hysteresis(probability, _thresholds(threshold)), self.owners[index]
                 for number in range(1, int(owner.max()) + 1):
                     detections += _detections(label, (owner == number) & above, probability, min_pixels)
         return detections
@@ -57,27 +57,34 @@ def regions(label: str, probability: Probabilities, threshold: float | Threshold
 
     Regions of fewer than `min_pixels` are left out. The score is the mean probability over the region.
     """
-    return _detections(label, _above(probability, threshold), probability, min_pixels)
+    thresholds = _thresholds(threshold)
+    return _detections(label, likely(probability, thresholds), probability, min_pixels, thresholds.seed)
 
 
-def _above(probability: Probabilities, threshold: float | Thresholds) -> NDArray[np.bool_]:
-    if isinstance(threshold, Thresholds):
-        return hysteresis(probability, threshold)
-    return np.asarray(probability > threshold)
+def _thresholds(threshold: float | Thresholds) -> Thresholds:
+    return threshold if isinstance(threshold, Thresholds) else Thresholds.of(threshold)
 
 
-def _detections(label: str, above: NDArray[np.bool_], probability: Probabilities, min_pixels: int) -> list[Detection]:
-    connected = connected_regions(above.view(np.uint8))
+def _detections(
+    label: str, above: Bools, probability: Probabilities, min_pixels: int, seed: float = 0.0
+) -> list[Detection]:
+    """The connected regions of what is above a threshold that have so many pixels and exceed `seed` somewhere."""
+    x, y, width, height = cv2.boundingRect(above.view(np.uint8))
+    if not width:
+        return []
+    right, bottom, x, y = x + width, y + height, x & ~1, y & ~1  # regions are numbered by blocks of two by two
+    connected = connected_regions(np.ascontiguousarray(above[y:bottom, x:right]).view(np.uint8))
     shared = read_only(probability)
     detections = []
     for number in np.flatnonzero(connected.areas[1:] >= min_pixels) + 1:
         left, top, width, height = connected.boxes[number].tolist()
-        place = slice(top, top + height), slice(left, left + width)
-        inside = connected.labels[place] == number
-        mask = np.zeros(connected.labels.shape, dtype=np.bool_)
-        mask[place] = inside
-        score = float(probability[place][inside].mean(dtype=np.float64))
-        detections.append(Detection(label, score, mask, shared))
+        inside = connected.labels[top : top + height, left : left + width] == number
+        place = slice(y + top, y + top + height), slice(x + left, x + left + width)
+        values = probability[place][inside]
+        if values.max() > seed:
+            mask = np.zeros(above.shape, dtype=np.bool_)
+            mask[place] = inside
+            detections.append(Detection(label, float(values.mean(dtype=np.float64)), mask, shared))
     return detections
 
 
