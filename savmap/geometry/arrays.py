@@ -43,7 +43,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     if not array.flags.writeable:
         return array
     view = array.view()
-    view.flags.writeable = False
+    view.setflags(write=False)
     return view
 
 
@@ -55,7 +55,7 @@ def short_repr(record: object) -> str:
 
 def _protect(fields: dict[str, Any]) -> None:
     for name, value in fields.items():
-        if isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray) and value.flags.writeable:
             fields[name] = read_only(value)
 
 

@@ -124,18 +124,23 @@ def _rates(pair: FramePair, strip: StripFlow) -> tuple[Floats, Floats]:
     across = strip.flow[:, PAD : PAD + width, 0]
     upright, level = (np.abs(cv2.Sobel(first, cv2.CV_32F, x, 1 - x)[:, PAD : PAD + width]) / 8 for x in (1, 0))
     columns = np.arange(width) * BEARINGS // width
-    medians = [
-        _weighted_median(across[:, columns == bearing], upright[:, columns == bearing] + 0.01)
-        for bearing in range(BEARINGS)
-    ]
-    energy = np.bincount(columns, (upright + level).mean(axis=0)) / np.bincount(columns)
-    return np.array(medians) * 360 / width / pair.gap_s, energy / (float(first.mean()) + 10.0)
+    counts = np.bincount(columns)
+    number = np.arange(counts.max())
+    taken = number < counts[:, None]
+    of_bearing = np.minimum((np.cumsum(counts) - counts)[:, None] + number, width - 1)
+    values, weights = across.T[of_bearing], np.where(taken[..., None], upright.T[of_bearing] + 0.01, 0)
+    medians = _weighted_medians(values.reshape(BEARINGS, -1), weights.reshape(BEARINGS, -1))
+    energy = np.bincount(columns, (upright + level).mean(axis=0)) / counts
+    return medians * 360 / width / pair.gap_s, energy / (float(first.mean()) + 10.0)
 
 
-def _weighted_median(values: NDArray[Any], weights: NDArray[Any]) -> float:
-    order = np.argsort(values, axis=None)
-    total = np.cumsum(weights.ravel()[order])
-    return float(values.ravel()[order[np.searchsorted(total, total[-1] / 2)]])
+def _weighted_medians(values: NDArray[Any], weights: NDArray[Any]) -> Floats:
+    """The weighted median (n,) of each row (n, m)."""
+    order = np.argsort(values, axis=1)
+    total = np.cumsum(np.take_along_axis(weights, order, axis=1), axis=1)
+    middle = np.argmax(total >= total[:, -1:] / 2, axis=1)
+    row = np.arange(len(values))
+    return np.asarray(values[row, order[row, middle]], np.float64)
 
 
 def _fit(rates: Floats) -> tuple[float, float, tuple[float, float], float]:
@@ -151,15 +156,16 @@ def _fit(rates: Floats) -> tuple[float, float, tuple[float, float], float]:
 def _corridors(rates: Floats, ways: Floats) -> tuple[Floats, Floats]:
     """For each way: turn, motion of the left and of the right side (n, 3), and mean misfit (n,); by reweighting."""
     sine = np.sin(np.radians(bearings() - ways[:, None]))
-    model = np.stack([-np.ones_like(sine), -(np.minimum(sine, 0) ** 2), np.maximum(sine, 0) ** 2], axis=2)
+    model = np.stack([-np.ones_like(sine), -(np.minimum(sine, 0) ** 2), np.maximum(sine, 0) ** 2], axis=1)
+    products = np.concatenate([(model[:, :, None] * model[:, None]).reshape(len(ways), 9, -1), model * rates], axis=1)
     weights = np.ones_like(sine)
     for _ in range(_REFITS):
-        weighted = model * weights[..., None]
-        normal = np.swapaxes(weighted, 1, 2) @ model + 1e-9 * np.eye(3)
-        fitted = np.linalg.solve(normal, np.swapaxes(weighted, 1, 2) @ rates[:, None])
-        residuals = np.abs(rates - (model @ fitted)[..., 0])
+        sums = products @ weights[..., None]
+        normal = sums[:, :9].reshape(-1, 3, 3) + 1e-9 * np.eye(3)
+        fitted = np.linalg.solve(normal, sums[:, 9:])[..., 0]
+        residuals = np.abs(rates - (fitted[:, None] @ model)[:, 0])
         weights = 1 / np.maximum(residuals, _LEAST_RESIDUAL)
-    return fitted[..., 0], residuals.mean(axis=1)
+    return fitted, residuals.mean(axis=1)
 
 
 @dataclass(frozen=True, eq=False)

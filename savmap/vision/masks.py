@@ -101,7 +101,7 @@ def runs_of(mask: Bytes) -> Runs:
     """The runs down the columns of a mask (h, w) of 0 and non-0."""
     height, width = mask.shape
     padded = np.zeros((width, height + 2), dtype=np.bool_)
-    padded[:, 1:-1] = mask.T
+    padded[:, 1:-1] = cv2.transpose(mask)
     flat = padded.ravel()
     change = np.flatnonzero(flat[1:] != flat[:-1])
     column, first = np.divmod(change[::2], height + 2)

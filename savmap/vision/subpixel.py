@@ -12,6 +12,8 @@ same paint may be faint, but it has one sign all along.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
 
 import cv2
 import numpy as np
@@ -37,6 +39,8 @@ ALOOF = 3.0
 ROUNDS = 4
 BIWEIGHT = 4.7
 LEAST_SIGMA, MOST_SIGMA = 0.06, 0.4
+NODES = np.array(list(product((-1.0, 0.0, 1.0), repeat=2))).T
+"""Where the nodes of a patch are along and across the edge (2, 9)."""
 
 
 def _radiance() -> Floats:
@@ -138,10 +142,8 @@ def _patches(spec: ViewSpec, pieces: Pieces, height: int, reach_px: float, least
     scale, along = _scales(spec, pieces, height)
     reach = int(np.ceil(max(least, reach_px * float(np.median(scale))) / ACROSS_STEP))
     rows = int(np.clip(np.ceil(np.median(2 * pieces.half * along) / ALONG_STEP), FEWEST_ALONG, MOST_ALONG))
-    nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height).reshape(-1, 9, 2)
-    return _Patches(
-        np.ascontiguousarray(nodes.transpose(2, 0, 1), np.float32), _basis(rows, 2 * reach + 1), rows, scale
-    )
+    nodes = _nodes(spec, pieces, reach * ACROSS_STEP / scale, height)
+    return _Patches(nodes.astype(np.float32), _basis(rows, 2 * reach + 1), rows, scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,37 +209,33 @@ def _columns(image: NDArray[np.uint8], left: int, right: int) -> NDArray[np.uint
 
 
 def _panorama_pixels(spec: ViewSpec, u: Floats, v: Floats, stands: bool, height: int) -> Floats:
-    pixels = np.stack([v, u] if stands else [u, v], axis=-1)
-    return sphere.panorama_pixels_from_rays(spec.rig_rays(pixels), height)
+    """Panorama pixels (2, n, ...), columns and rows, of view pixels (n, ...), moved by whole turns to lie next to those
+    in the middle of n."""
+    camera = spec.camera
+    x, y = (v, u) if stands else (u, v)
+    x, y = (x - camera[0, 2]) / camera[0, 0], (y - camera[1, 2]) / camera[1, 1]
+    rig_x, rig_y, rig_z = (right * x + down * y + forward for right, down, forward in spec.rig_from_view.tolist())
+    pixels = np.array(sphere.columns_and_rows(rig_x, rig_y, rig_z, height))
+    pixels[0] -= 2 * height * np.round((pixels[0] - pixels[0, len(u) // 2]) / (2 * height))
+    return pixels
 
 
 def _scales(spec: ViewSpec, pieces: Pieces, height: int) -> tuple[Floats, Floats]:
     """Panorama pixels a view pixel (n,), across and along the edge."""
-    here = _panorama_pixels(spec, pieces.u, pieces.v, pieces.stands, height)
-    across = _panorama_pixels(spec, pieces.u, pieces.v + 1, pieces.stands, height)
-    along = _panorama_pixels(spec, pieces.u + 1, pieces.v + pieces.slope, pieces.stands, height)
-    steps = [_unwrapped(moved, here, height) - here for moved in (across, along)]
-    return np.linalg.norm(steps[0], axis=-1), np.linalg.norm(steps[1], axis=-1)
-
-
-def _unwrapped(pixels: Floats, near: Floats, height: int) -> Floats:
-    """Panorama pixels (..., 2) whose columns are moved by whole turns to lie next to those of `near`."""
-    turns = np.round((pixels[..., :1] - near[..., :1]) / (2 * height))
-    near_by: Floats = pixels - np.concatenate([2 * height * turns, np.zeros_like(turns)], axis=-1)
-    return near_by
+    u, v = np.array([pieces.u, pieces.u, pieces.u + 1]), np.array([pieces.v + 1, pieces.v, pieces.v + pieces.slope])
+    pixels = _panorama_pixels(spec, u, v, pieces.stands, height)
+    across, _, along = np.hypot(*(pixels - pixels[:, 1:2]))
+    return across, along
 
 
 def _nodes(spec: ViewSpec, pieces: Pieces, reach_px: Floats, height: int) -> Floats:
-    """Exact panorama pixels (n, 3, 3, 2) of the corners, middles of the sides, and middle of each piece's patch."""
-    steps = np.array([-1.0, 0.0, 1.0])
-    along = (pieces.half[:, None] * steps)[:, :, None] + np.zeros(3)
-    across = (reach_px[:, None] * steps)[:, None, :]
-    u = pieces.u[:, None, None] + along
-    v = pieces.v[:, None, None] + pieces.slope[:, None, None] * along + across
-    exact = _panorama_pixels(spec, u, v, pieces.stands, height)
-    return _unwrapped(exact, exact[:, 1:2, 1:2], height)
+    """Exact panorama pixels (2, n, 9) of the corners, middles of the sides, and middle of each piece's patch."""
+    along, across = NODES[:, :, None] * np.array([pieces.half, reach_px])[:, None]
+    u, v = pieces.u + along, pieces.v + pieces.slope * along + across
+    return _panorama_pixels(spec, u, v, pieces.stands, height).transpose(0, 2, 1)
 
 
+@cache
 def _basis(rows: int, columns: int) -> Singles:
     """What samples all over a patch take of its nodes (9, rows columns): interpolation to second order."""
     along = _second_order((np.arange(rows) + 0.5) / rows * 2 - 1)
@@ -435,13 +433,14 @@ def _votes(changes: Changes, weight: Floats, count: int, bins: tuple[float, int]
     """Support (g, shifts, bins) of lines that are so far inwards in the middle and shifted by so much at the end."""
     size, half = bins
     width = 2 * half + 1
-    votes = np.zeros((count, len(SHIFTS), width))
-    for number, shift in enumerate(SHIFTS):
-        place = np.clip((changes.inwards - shift * changes.along) / size + half, 0, width - 1 - 1e-6)
-        cell = place.astype(np.int64)
-        flat, part = changes.edge * width + cell, place - cell
-        for bin_, share in ((flat, 1 - part), (flat + 1, part)):
-            votes[:, number] += np.bincount(bin_, weight * share, count * width).reshape(count, width)
+    place = (changes.inwards - SHIFTS[:, None] * changes.along) / size + half
+    np.clip(place, 0, width - 1 - 1e-6, out=place)
+    cell = place.astype(np.int64)
+    part = (place - cell) * weight
+    flat = cell + width * (len(SHIFTS) * changes.edge + np.arange(len(SHIFTS))[:, None])
+    most = count * len(SHIFTS) * width
+    below, above = (np.bincount(flat.ravel(), share.ravel(), most) for share in (weight - part, part))
+    votes: Floats = np.asarray(below + np.roll(above, 1), np.float64).reshape(count, len(SHIFTS), width)
     votes[..., 1:-1] += (votes[..., :-2] + votes[..., 2:]) / 2
     return votes
 

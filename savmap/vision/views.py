@@ -117,11 +117,10 @@ def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
 def _panorama_pixels(spec: ViewSpec, height: int) -> Singles:
     """(h, w, 2) panorama pixels of a view's pixel centres; rows beyond the poles' last rows are put on them."""
     x, y = _normalised(spec)
-    right, down, forward = spec.rig_from_view.T.astype(np.float32)
-    rays = x[:, None] * right + (y[:, None] * down + forward)[:, None]
-    pixels = sphere.panorama_pixels_from_rays(rays, height)
-    np.clip(pixels[..., 1], 0, height - 1, out=pixels[..., 1])
-    return np.asarray(pixels, np.float32)
+    turn = spec.rig_from_view.astype(np.float32)
+    rig_x, rig_y, rig_z = (x * right + (y * down + forward)[:, None] for right, down, forward in turn)
+    columns, rows = sphere.columns_and_rows(rig_x, rig_y, rig_z, height)
+    return np.asarray(np.stack([columns, np.clip(rows, 0, height - 1)], axis=-1), np.float32)
 
 
 def _normalised(spec: ViewSpec) -> tuple[Singles, Singles]:
@@ -255,4 +254,7 @@ def _remapped(source: Image, cells: NDArray[np.int16], fractions: NDArray[np.uin
 
 def _put(sampled: Image, level: Level, view: Image) -> None:
     """Write the samples of a level's pixels into the view."""
+    if level.mask.all():
+        view.reshape(-1, 3)[:] = sampled.reshape(-1, 3)[: level.mask.size]
+        return
     view.view(PIXEL)[..., 0][level.mask] = sampled.view(PIXEL).ravel()[: np.count_nonzero(level.mask)]

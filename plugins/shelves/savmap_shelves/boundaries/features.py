@@ -6,6 +6,7 @@ Uprights come first: the beams' masks are cut at them, so that each beam is fitt
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
@@ -105,7 +106,7 @@ def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: 
         union = union_of_longest([detection.mask for detection in of_class], settings.overlap, int(stands))
         probability = of_class[0].probability
     if stands:
-        union, probability = np.ascontiguousarray(union.T), np.ascontiguousarray(probability.T)
+        union, probability = cv2.transpose(union), cv2.transpose(probability)
     return *separated(union, settings.least_run_px, settings.most_thick), probability
 
 
