@@ -1,18 +1,22 @@
 """Records of long work, kept in parts while it goes on: work that was cut off, even by a power failure, goes on where
-it stood."""
+it stood. What was kept is read from its part when it is asked for, so that memory stays flat."""
 
 import json
 import logging
+import tempfile
+import threading
 import time
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from pathlib import Path
+from typing import Protocol, TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.serialization import packed, unpacked
 
-KEEP_S = 10.0
-"""Between two parts: what is lost at most, and a part of a few MB costs a hundredth of a second to write."""
+KEEP_S, KEEP_BYTES = 4.0, 64 << 20
+"""Between two parts, and the size of one at most: what is lost, and what is held, at most. A part of a few MB costs a
+hundredth of a second to write."""
 log = logging.getLogger("savmap")
 Record = TypeVar("Record")
 Place = tuple[str, int]
@@ -34,89 +38,126 @@ class Parts(Protocol):
         ...
 
 
+class TemporaryParts:
+    """Parts in a folder that is removed once nobody asks for them any more."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="savmap-", ignore_cleanup_errors=True)
+
+    def load(self, part: int) -> bytes | None:
+        path = self._path(part)
+        return path.read_bytes() if path.is_file() else None
+
+    def save(self, part: int, content: bytes) -> None:
+        try:
+            self._path(part).write_bytes(content)
+        except OSError as error:
+            raise OutputError(f"{self._path(part)}: cannot be written ({error.strerror})") from error
+
+    def drop(self, part: int) -> bool:
+        there = self._path(part).is_file()
+        self._path(part).unlink(missing_ok=True)
+        return there
+
+    def _path(self, part: int) -> Path:
+        return Path(self._folder.name) / str(part)
+
+
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Records with the walks that they are of and their numbers in these."""
+    """Packed records with the series that they are of and their numbers in these."""
 
-    walks: tuple[str, ...]
+    series: tuple[str, ...]
     numbers: tuple[int, ...]
-    records: tuple[Any, ...]
+    records: tuple[bytes, ...]
 
 
-class Journal(Generic[Record]):
-    """Records by the walk that they are of and their number in it. Those of an earlier run are there from the start;
-    new ones are kept every `KEEP_S` seconds and, however the block ends that it is entered for, at its end. Without
-    `parts` nothing is.
+class Journal:
+    """Records by the series that they are of and their number in it. Those of an earlier run are there from the start;
+    new ones are kept every `KEEP_S` seconds or `KEEP_BYTES` and, however the block ends that it is entered for, at its
+    end. Without `parts` they are kept for as long as the journal lives. Threads may share a journal.
 
-    Part 0 says how many records there are of each walk, so that this is known without reading them.
+    Part 0 says how many records there are of each series, so that this is known without reading them.
     """
 
-    def __init__(self, kind: type[Record], parts: Parts | None = None) -> None:
-        self._parts, self._written_s = parts, time.monotonic()
-        self._records: dict[Place, Record] = {}
-        self._new: dict[Place, Record] = {}
-        self._next = 1
-        if parts is not None:
-            self._load(parts, kind)
-        self._counts = Counter(walk for walk, _ in self._records)
+    def __init__(self, parts: Parts | None = None) -> None:
+        self._parts: Parts = TemporaryParts() if parts is None else parts
+        self._written_s, self._next, self._full = time.monotonic(), 1, False
+        self._part_of: dict[Place, int] = {}
+        self._waiting: dict[Place, bytes] = {}
+        self._last: tuple[int, dict[Place, bytes]] = (0, {})
+        self._lock = threading.Lock()
+        self._load()
+        self.earlier = Counter(series for series, _ in self._part_of)
+        """How many records of an earlier run there are of each series."""
 
-    def __enter__(self) -> "Journal[Record]":
+    def __enter__(self) -> "Journal":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.flush()
 
-    @property
-    def count(self) -> int:
-        """How many records of an earlier run there are."""
-        return len(self._records)
+    def get(self, kind: type[Record], series: str, number: int) -> Record | None:
+        """The record of this kind, if there is one. ValueError where it is of another kind."""
+        place = series, number
+        with self._lock:
+            content = self._waiting.get(place)
+            if content is None and place in self._part_of:
+                content = self._records(self._part_of[place]).get(place)
+        return None if content is None else unpacked(content, kind)
 
-    def get(self, walk: str, number: int) -> Record | None:
-        """The record of an earlier run, if there is one."""
-        return self._records.get((walk, number))
-
-    def add(self, walk: str, number: int, record: Record) -> None:
+    def add(self, series: str, number: int, record: object) -> None:
         """Take a record, and keep those that wait if it is time."""
-        if self._parts is not None:
-            self._new[walk, number] = record
-            if time.monotonic() - self._written_s >= KEEP_S:
-                self.flush()
+        content = packed(record, level=0)
+        with self._lock:
+            self._waiting[series, number] = content
+            size = sum(map(len, self._waiting.values()))
+        if not self._full and (time.monotonic() - self._written_s >= KEEP_S or size > KEEP_BYTES):
+            self.flush()
 
     def flush(self) -> None:
-        """Keep all records that wait. Where that cannot be done, no more are taken: what is worked out is worth
+        """Keep all records that wait. Where that cannot be done, they stay in memory: what is worked out is worth
         more."""
-        if self._parts is None or not self._new:
-            return
-        walks, numbers = zip(*self._new, strict=True)
-        counts = self._counts + Counter(walks)
-        try:
-            self._parts.save(self._next, packed(_Part(walks, numbers, tuple(self._new.values())), level=0))
-            self._parts.save(0, json.dumps(counts).encode())
-        except OutputError as error:
-            log.warning("what is measured is not kept meanwhile: %s", error)
-            self._parts = None
-            return
-        self._next, self._counts, self._new = self._next + 1, counts, {}
-        self._written_s = time.monotonic()
+        with self._lock:
+            if self._full or not self._waiting:
+                return
+            series, numbers = zip(*self._waiting, strict=True)
+            places = dict.fromkeys(self._waiting, self._next)
+            try:
+                self._parts.save(self._next, packed(_Part(series, numbers, tuple(self._waiting.values())), level=0))
+                self._parts.save(0, json.dumps(Counter(name for name, _ in {**self._part_of, **places})).encode())
+            except OutputError as error:
+                log.warning("what is measured is not kept meanwhile: %s", error)
+                self._full = True
+                return
+            self._part_of |= places
+            self._next, self._waiting, self._written_s = self._next + 1, {}, time.monotonic()
 
-    def _load(self, parts: Parts, kind: type[Record]) -> None:
+    def _load(self) -> None:
         """Take what fits, up to the first part that does not, and forget what is behind that: it would never be asked
         for."""
-        while (content := parts.load(self._next)) is not None:
+        while records := self._records(self._next):
+            self._part_of |= dict.fromkeys(records, self._next)
+            self._next += 1
+        forget(self._parts, self._next)
+
+    def _records(self, part: int) -> dict[Place, bytes]:
+        """The packed records of a part; none where there is no such part, or it does not fit."""
+        if self._last[0] != part:
+            content = self._parts.load(part)
+            if content is None:
+                return {}
             try:
-                part = unpacked(content, _Part)
-                if not all(isinstance(record, kind) for record in part.records):
-                    raise ValueError(f"not records of {kind.__name__}")
-                self._records |= dict(zip(zip(part.walks, part.numbers, strict=True), part.records, strict=True))
+                read = unpacked(content, _Part)
+                self._last = part, dict(zip(zip(read.series, read.numbers, strict=True), read.records, strict=True))
             except (ValueError, TypeError) as error:
                 log.warning("what an earlier run kept cannot be used, and is done again: %s", error)
-                break
-            self._next += 1
-        forget(parts, self._next)
+                return {}
+        return self._last[1]
 
 
 def counts(parts: Parts) -> dict[str, int]:
-    """How many records are kept of each walk, in the order of the walks."""
+    """How many records are kept of each series."""
     return dict(json.loads(parts.load(0) or b"{}"))
 
 

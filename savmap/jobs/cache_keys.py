@@ -38,7 +38,7 @@ from savmap.vision.networks.session import choose, file_for, network_files, runt
 LIBRARIES = ("av", "gtsam", "numpy", "opencv-python-headless", "pillow", "scipy")
 DRAWING_LIBRARIES = ("jinja2", "matplotlib", "resvg-py")
 SAVMAP = Path(__file__).parents[1]
-NO_MAP = {"sim", "train", "adapt", "label", "split", "report", "viewer", "demo", "cli", "contract.py", "scaffold"}
+NO_MAP = {"lab", "split", "report", "viewer", "demo", "cli", "contract.py", "scaffold"}
 """Parts of savmap that have no influence on a map, or on the pictures of a row."""
 NO_SOURCE = {".pyc", ".onnx", ".md"}
 """Endings of files in packages that are in no key, or in it otherwise."""

@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from savmap.assembly import rows_with_same_face
 from savmap.errors import OutputError, SavmapError, SiteError, VideoError
+from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
@@ -246,7 +247,9 @@ def _rate(job: Job, part: Footage) -> Rate:
         stills=job.site.panoramas,
     )
     with warnings_held_back():  # of a few frames, which show a part of the row
-        measured = measure(request, probe)
+        (measured,) = measure([request], Journal(), probe)
+    if isinstance(measured, SavmapError):
+        raise measured
     stored = packed(measured.measurements) + packed(measured.strips)
     ticks = probe.ticks
     cost = FrameCost.of(ticks[min(WARM, len(ticks) - 2) :])

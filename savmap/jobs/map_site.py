@@ -30,7 +30,7 @@ from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
 from savmap.maps.run_record import LOG, FootageFile, RunLog, write_log
 from savmap.maps.survey import read_survey
-from savmap.pipeline.measure import recordings
+from savmap.pipeline.drive import recordings
 from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page

@@ -11,6 +11,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from savmap.pipeline.drive import frames_of
+from savmap.site.model import Site
 from savmap.types.progress import Monitor
 
 MEASURED, SOLVED, PICTURED = "measured", "solved", "pictured"
@@ -56,135 +58,100 @@ class FrameCost:
         return DRAWN * frames * self.single_s
 
 
-@dataclass(eq=False)
-class _Row:
-    """How far a row is: the stages that are not done, the one in work, since when and for how many frames of all its
-    rows, walks that began and ended, and how many frames of the last walk are done."""
+@dataclass(frozen=True)
+class Walk:
+    """What a group's rows are measured in: frames, and views to be chosen, one lot for each pass of each row."""
 
     frames: int
-    passes: int
-    stages: list[str]
-    stage: str = ""
-    since_s: float = 0.0
-    at_once: int = 0
-    begun: int = 0
-    ended: int = 0
-    done: int = 0
-    ticks: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=STEPS))
+    plans: int
 
-    @property
-    def is_walked(self) -> bool:
-        """Whether all passes were walked through: what comes now are second looks, and what needs no frames."""
-        return self.ended >= self.passes
+    @classmethod
+    def of(cls, site: Site, group: Sequence[str]) -> "Walk":
+        """Of rows of a site that are seen in the same frames."""
+        passes = [row_pass for name in group for row_pass in site.rows[name].passes]
+        return cls(frames_of(passes), len(passes))
+
+
+@dataclass(eq=False)
+class _Group:
+    """How far rows are that are mapped together: whether they are done, when a task began with them, how many frames
+    were walked, and since when the walk is over."""
+
+    walk: Walk
+    done: bool = False
+    begun_s: float | None = None
+    walked: int = 0
+    over_s: float | None = None
+    ticks: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=STEPS))
 
 
 class RunClock:
-    """The rows of a run by name, with their frames and passes, in groups that are solved together. Tells the monitor
-    every second how long the rest will take, once a row's frames tell how long they take."""
+    """How far the groups of rows of a run are. Tells the monitor every second how long the rest will take, once a
+    group's frames tell how long they take."""
 
-    def __init__(
-        self,
-        rows: Mapping[str, tuple[int, int]],
-        groups: Iterable[Sequence[str]],
-        monitor: Monitor,
-        pictures: bool,
-    ) -> None:
-        stages = [MEASURED, SOLVED, *([PICTURED] if pictures else [])]
-        self.rows = {name: _Row(frames, passes, [*stages]) for name, (frames, passes) in rows.items()}
-        self.groups = [[self.rows[name] for name in names] for names in groups]
+    def __init__(self, walks: Mapping[tuple[str, ...], Walk], monitor: Monitor, pictures: bool) -> None:
+        self.groups = {group: _Group(walk) for group, walk in walks.items()}
         self.monitor, self._lock = monitor, threading.Lock()
-        self._seen: dict[str, list[float]] = {stage: [] for stage in stages}
+        self.stages = [MEASURED, SOLVED, *([PICTURED] if pictures else [])]
+        self._after_s: list[float] = []
+        """Seconds a frame that what follows the walk took, of groups that are done."""
 
-    def task(self, key: tuple[str, tuple[str, ...]], processor_s: Callable[[], float]) -> Monitor:
-        """A task begins: its monitor. `processor_s`: gives the seconds that its process has used of the processor."""
-        stage, names = key
+    def task(self, group: tuple[str, ...], processor_s: Callable[[], float]) -> Monitor:
+        """A task begins with a group: its monitor. `processor_s`: gives the seconds that its process has used of the
+        processor."""
         with self._lock:
-            for name in names:
-                row = self.rows[name]
-                row.stage, row.since_s, row.begun, row.ended, row.done = stage, time.monotonic(), 0, 0, 0
-                row.at_once = sum(self.rows[name].frames for name in names)
-                if stage == MEASURED:
-                    row.ticks.clear()
-        return _TaskMonitor(self, self.rows[names[0]], processor_s)
+            begun = _Group(self.groups[group].walk, begun_s=time.monotonic())
+            self.groups[group] = begun
+        return _TaskMonitor(self, begun, processor_s)
 
-    def end(self, stage: str, name: str) -> None:
-        """A stage of a row is done."""
+    def end(self, group: tuple[str, ...]) -> None:
+        """A group is done."""
         with self._lock:
-            row = self.rows[name]
-            if row.stage == stage:
-                spent_s = time.monotonic() - row.since_s
-                if stage != MEASURED or row.ended == row.passes:  # with a second look there is no telling
-                    self._seen[stage].append(spent_s / row.at_once)
-            row.stage = ""
-        self.skip(name, stage)
-
-    def skip(self, name: str, *stages: str) -> None:
-        """Stages of a row that are not done: an earlier run did, or the row failed."""
-        with self._lock:
-            self.rows[name].stages = [stage for stage in self.rows[name].stages if stage not in stages]
+            ended = self.groups[group]
+            if ended.over_s is not None and not ended.done:
+                self._after_s.append((time.monotonic() - ended.over_s) / ended.walk.frames)
+            ended.done = True
 
     def left_s(self, workers: int) -> float | None:
-        """Seconds that the run will still take; None while nothing tells. All rows are measured before the last ones
-        are solved."""
+        """Seconds that the run will still take; None while nothing tells."""
         with self._lock:
-            timed = {row: FrameCost.of([*row.ticks]) for row in self.rows.values() if len(row.ticks) >= LEAST_STEPS}
+            timed = {
+                id(one): FrameCost.of([*one.ticks]) for one in self.groups.values() if len(one.ticks) >= LEAST_STEPS
+            }
             if not timed:
                 return None
             usual = FrameCost(*np.mean([astuple(cost) for cost in timed.values()], axis=0).tolist())
-            costs = {row: timed.get(row, usual) for row in self.rows.values()}
-            measured = [self._measured_s(row, cost) for row, cost in costs.items()]
-            solved = [self._single_s(rows, SOLVED, costs) for rows in self.groups]
-            pictured = [self._single_s([row], PICTURED, costs) for row in costs]
-        drawn = sum(cost.drawn_s(row.frames) for row, cost in costs.items())
-        return sum(_makespan_s(stage, workers) for stage in (measured, solved, pictured)) + drawn
+            costs = [(one, timed.get(id(one), usual)) for one in self.groups.values()]
+            left = [self._left_s(one, cost) for one, cost in costs if not one.done]
+        return _makespan_s(left, workers) + sum(cost.drawn_s(one.walk.frames) for one, cost in costs)
 
-    def _measured_s(self, row: _Row, cost: FrameCost) -> float:
-        """Of measuring a row: the frames that are ahead, and what follows them."""
-        if MEASURED not in row.stages:
-            return 0.0
-        frames_s = max(row.frames - row.done, 0) * cost.frame_s
-        if not row.is_walked:
-            return frames_s + cost.plan_s(row.passes - row.begun) + self._stage_s(row, MEASURED, cost)
-        if row.begun > row.ended:
-            return frames_s + self._stage_s(row, MEASURED, cost) / 2
-        return self._single_s([row], MEASURED, {row: cost})
+    def _left_s(self, group: _Group, cost: FrameCost) -> float:
+        """Of a group that is not done: never nothing."""
+        frames = group.walk.frames
+        seen = self._after_s
+        after_s = frames * float(np.mean(seen)) if seen else cost.after_s(frames, self.stages)
+        if group.over_s is not None:
+            return max(after_s - (time.monotonic() - group.over_s), after_s / 10)
+        plan_s = 0.0 if group.walked else cost.plan_s(group.walk.plans)
+        return plan_s + max(frames - group.walked, 0) * cost.frame_s + after_s
 
-    def _single_s(self, rows: Sequence[_Row], stage: str, costs: Mapping[_Row, FrameCost]) -> float:
-        """Of a stage of rows that are worked on together, without what is done frame by frame: never nothing until it
-        is done."""
-        ahead = [row for row in rows if stage in row.stages]
-        whole_s = sum(self._stage_s(row, stage, costs[row]) for row in ahead)
-        spent_s = max((time.monotonic() - row.since_s for row in ahead if row.stage == stage), default=0.0)
-        return max(whole_s - spent_s, whole_s / 10)
-
-    def _stage_s(self, row: _Row, stage: str, cost: FrameCost) -> float:
-        """Of a stage, without what is done frame by frame."""
-        seen = self._seen[stage]
-        return row.frames * sum(seen) / len(seen) if seen else cost.after_s(row.frames, [stage])
-
-    def walk_begins(self, row: _Row) -> None:
-        with self._lock:
-            row.begun += 1
-            if row.begun > row.passes:
-                row.done = 0
-
-    def step(self, row: _Row, processor_s: float) -> None:
+    def step(self, group: _Group, processor_s: float) -> None:
         """A frame is done. Where it took much longer than those before it, these were kept from an earlier run, and
         tell nothing."""
         with self._lock:
-            row.done += 1
-            ticks = row.ticks
+            group.walked += 1
+            ticks = group.ticks
             if len(ticks) > 1:
                 usual_s = (ticks[-1][1] - ticks[0][1]) / (len(ticks) - 1)
                 if processor_s - ticks[-1][1] > KEPT * usual_s:
                     ticks.clear()
             ticks.append((time.monotonic(), processor_s))
+            group.over_s = None
 
-    def walk_ends(self, row: _Row) -> None:
+    def walk_ends(self, group: _Group) -> None:
         """What follows is timed from here."""
         with self._lock:
-            row.ended += 1
-            row.since_s = time.monotonic()
+            group.over_s = time.monotonic()
 
     @contextmanager
     def reported(self, workers: int) -> Iterator[None]:
@@ -216,15 +183,14 @@ def _makespan_s(tasks_s: Iterable[float], workers: int) -> float:
 class _TaskMonitor:
     """The monitor of one task, whose frames are counted."""
 
-    def __init__(self, clock: RunClock, row: _Row, processor_s: Callable[[], float]) -> None:
-        self.clock, self.row, self.processor_s = clock, row, processor_s
+    def __init__(self, clock: RunClock, group: _Group, processor_s: Callable[[], float]) -> None:
+        self.clock, self.group, self.processor_s = clock, group, processor_s
 
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-        self.clock.walk_begins(self.row)
         for item in self.clock.monitor.each(items, doing, total):
             yield item
-            self.clock.step(self.row, self.processor_s())
-        self.clock.walk_ends(self.row)
+            self.clock.step(self.group, self.processor_s())
+        self.clock.walk_ends(self.group)
 
     def note(self, line: str) -> None:
         self.clock.monitor.note(line)

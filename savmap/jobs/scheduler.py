@@ -1,11 +1,11 @@
-"""All rows of a job, each stage done once: what an earlier run kept is used, the rest is given to workers, and a row
-that fails stops no other."""
+"""All rows of a job, each stage done once: what an earlier run kept is used, the rest is given to workers, one task for
+rows that are seen in the same frames, and a row that fails stops no other."""
 
 import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from typing import Any, Literal, TypeVar
@@ -14,11 +14,11 @@ from savmap.errors import SavmapError
 from savmap.files.journal import Parts, counts, forget
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
-from savmap.jobs.cache_keys import measurement_key, picture_key, solution_key, strips_key
+from savmap.jobs.cache_keys import digest, measurement_key, picture_key, solution_key, strips_key
 from savmap.jobs.executors import DaskExecutor, ProcessExecutor, SerialExecutor, Shown, TaskExecutor, WorkerCrashedError
-from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, RunClock
+from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, RunClock, Walk
 from savmap.maps.run_record import RowRun, RunLog
-from savmap.pipeline.measure import frames_of
+from savmap.pipeline.drive import frames_of
 from savmap.pipeline.records import RowMeasurements
 from savmap.plugin import trace
 from savmap.site.job import Job
@@ -29,7 +29,6 @@ log = logging.getLogger("savmap")
 STRIPS = "strips"
 Record = TypeVar("Record")
 Group = tuple[str, ...]
-Key = tuple[str, Group]
 
 
 @dataclass(frozen=True)
@@ -70,15 +69,14 @@ def map_rows_of(
     error where none could be mapped, and KeyboardInterrupt that says what is kept."""
     begin = time.monotonic()
     groups = groups_of(job)
-    sizes = {name: (frames_of(row.passes), len(row.passes)) for name, row in job.site.rows.items()}
-    clock = RunClock(sizes, groups, monitor, with_pictures)
+    clock = RunClock({group: Walk.of(job.site, group) for group in groups}, monitor, with_pictures)
     executor, workers = options.executor(job, len(groups), clock.task)
     progress = _Progress(job, cache, executor, monitor, groups, clock, with_pictures)
     try:
         for group in groups:
             progress.begin(group)
         with clock.reported(workers):
-            for _ in monitor.each(progress.rows_done(executor.results()), "rows mapped", len(sizes)):
+            for _ in monitor.each(progress.rows_done(executor.results()), "rows mapped", len(job.site.rows)):
                 pass
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt(progress.kept() or "nothing yet") from interrupt
@@ -113,9 +111,8 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 
 @dataclass(eq=False)
 class _Progress:
-    """How far the rows are: cache keys, what was measured, maps, the errors of rows that failed, and, by row, the
-    plugins that failed in it. `wants_pictures`: whether pictures are made, `pictured_next`: of which solved rows they
-    still are; of strips only those are held that the cache does not keep."""
+    """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins that
+    failed in it. `wants_pictures`: whether pictures are made. `known`: by row, what an earlier run kept of it."""
 
     job: Job
     cache: RowCache
@@ -125,69 +122,61 @@ class _Progress:
     clock: RunClock
     wants_pictures: bool = False
     keys: dict[str, str] = field(default_factory=dict)
-    solution_keys: dict[Group, str] = field(default_factory=dict)
-    measured: dict[str, StoredRecord[RowMeasurements]] = field(default_factory=dict)
+    known: dict[str, tasks.RowRecords] = field(default_factory=dict)
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
-    strips: dict[str, StoredRecord[RowStrips]] = field(default_factory=dict)
     pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
-    pictured_next: set[str] = field(default_factory=set)
     failed: dict[str, SavmapError] = field(default_factory=dict)
     seconds: dict[str, dict[str, float]] = field(default_factory=dict)
     peak_mb: dict[str, float] = field(default_factory=dict)
-    plugins_failed: dict[str, dict[str, str]] = field(default_factory=dict)
+    plugins_failed: dict[str, Mapping[str, str]] = field(default_factory=dict)
 
     def begin(self, group: Group) -> None:
         """Use what an earlier run kept of a group, and have the rest worked out."""
         self.keys |= {name: measurement_key(self.job, name) for name in group}
-        if self._use_kept(group):
-            return
-        for name in group:
-            measured = self._kept(name, MEASURED, RowMeasurements, self.keys[name])
-            if measured is not None and (not self.wants_pictures or self._strips_of(name) is not None):
-                self.measured[name] = measured
-                self.clock.skip(name, MEASURED)
-                continue
-            frames = self._frames(name) if self.executor.shown is not None else None
-            task = partial(tasks.measure_task, with_strips=self.wants_pictures, frames=frames)
-            self.executor.submit((MEASURED, (name,)), task, self.job, name)
-        self._solve_if_measured(group)
+        known = {name: self._known(name, solution_key(self.job, self._keys_of(group))) for name in group}
+        self.known |= known
+        if all(records.solved is not None for records in known.values()):
+            self.monitor.note(f"kept from an earlier run: row {' and '.join(group)}")
+            if not any(self._lacks_picture(records) for records in known.values()):
+                self.clock.end(group)
+                for name, records in known.items():
+                    self._show(name, records)
+                return
+        frames = self._frames(group) if self.executor.shown is not None else None
+        task = partial(tasks.map_task, with_pictures=self.wants_pictures, frames=frames)
+        self.executor.submit(group, task, self.job, known)
 
-    def rows_done(self, results: Iterable[tuple[Key, Any]]) -> Iterator[None]:
+    def rows_done(self, results: Iterable[tuple[Group, Any]]) -> Iterator[None]:
         """Take what tasks gave; an item for each row that is done with."""
         counted = 0
-        for key, result in chain([(None, None)], results):
-            if key is not None:
-                self.take(key, result)
-            done = len(self.failed) + len(self.solved.keys() - self.pictured_next)
+        for group, result in chain([(None, None)], results):
+            if group is not None:
+                self.take(group, result)
+            done = len(self.failed) + len(self.solved)
             yield from [None] * (done - counted)
-            counted = max(done, counted)
+            counted = done
 
-    def take(self, key: Key, result: tasks.TaskResult | BaseException) -> None:
-        """Keep what a task gave, and go on from there."""
-        stage, names = key
-        done = result if isinstance(result, tasks.TaskResult) else _crashed(key, result)
+    def take(self, group: Group, result: tasks.TaskResult | BaseException) -> None:
+        """Keep what a task gave of its rows. What is not whole is not kept: where a plugin failed, it is tried again next
+        time."""
+        done = result if isinstance(result, tasks.TaskResult) else _crashed(group, result)
+        self.clock.end(group)
         for line in done.notes:
             self.monitor.note(line)
         trace.log_lines(done.logged)
-        for name, record in done.records.items():
-            self.clock.end(stage, name)
-            self.plugins_failed.setdefault(name, {}).update(done.plugins_failed.get(name, {}))
-            self.seconds.setdefault(name, {})[stage] = round(done.seconds / len(names), 3)
-            self.peak_mb[name] = max(self.peak_mb.get(name, 0.0), round(done.peak_mb, 1))
-            if isinstance(record, tasks.Failure):
-                self._fail(name, stage, record)
-            elif stage == MEASURED:
-                self._take_measured(name, record, done.strips.get(name))
-            elif stage == SOLVED:
-                self._save(name, SOLVED, self._solution_key(names), record)
-                self.solved[name] = record
-                self.measured.pop(name, None)
-                self._picture(name)
+        for name, records in done.rows.items():
+            self.plugins_failed[name] = records.plugins_failed
+            self.seconds[name] = {stage: round(spent / len(group), 3) for stage, spent in done.seconds.items()}
+            self.peak_mb[name] = round(done.peak_mb, 1)
+            if not records.plugins_failed:
+                self._save(name, records, solution_key(self.job, self._keys_of(group)))
+            if records.failure is not None:
+                self._fail(name, records.failure)
             else:
-                self._save(name, PICTURED, self._picture_key(name, self.solved[name]), record)
-                self._show(name, record)
-        if stage == MEASURED:
-            self._solve_if_measured(next(group for group in self.groups if names[0] in group))
+                self._show(name, records)
+        frames = self._frames(group)
+        if frames is not None and not any(self._is_measured_again(records) for records in done.rows.values()):
+            forget(frames)
 
     def row_run(self, name: str, row: RowMap | None) -> RowRun:
         """What was done with a row, for run.json."""
@@ -200,120 +189,85 @@ class _Progress:
             used=len(row.frames),
             skipped=row.skipped,
             peak_mb=self.peak_mb.get(name, 0.0),
-            plugins_failed=self.plugins_failed.get(name, {}),
+            plugins_failed=dict(self.plugins_failed.get(name, {})),
         )
 
     def kept(self) -> str:
         """What a second run will not do again, in words; "" where nothing is kept."""
-        stages = {"mapped": list(self.solved), "measured": [name for name in self.measured if name not in self.solved]}
-        said = [f"{_named(names)} ({stage})" for stage, names in stages.items() if names]
-        for name, row in self.job.site.rows.items():
-            frames = self._frames(name)
-            done = [] if frames is None or name in self.measured or name in self.solved else [*counts(frames).values()]
-            said += [f"row {name} ({done[0]} of {frames_of(row.passes)} frames)"] if done else []
-        return ", ".join(said) if self._frames(next(iter(self.keys))) is not None else ""
+        if self._frames(self.groups[0]) is None:
+            return ""
+        measured = [name for name, records in self.known.items() if records.measured and name not in self.solved]
+        said = [
+            f"{_named(names)} ({stage})"
+            for stage, names in (("mapped", [*self.solved]), ("measured", measured))
+            if names
+        ]
+        for group in self.groups:
+            frames = self._frames(group) if all(name in self.keys for name in group) else None
+            for name, count in (counts(frames) if frames is not None else {}).items():
+                if name in group and name not in (*self.solved, *measured):
+                    said.append(f"row {name} ({count} of {frames_of(self.job.site.rows[name].passes)} frames)")
+        return ", ".join(said)
+
+    def _known(self, name: str, solved_by: str) -> tasks.RowRecords:
+        """What an earlier run kept of a row. Where its pictures are wanted, and what they are made of is not kept, it is
+        measured anew."""
+        strips_by = strips_key(self.job, self.keys[name])
+        strips = self._kept(name, STRIPS, RowStrips, strips_by)
+        solved = self._kept(name, SOLVED, RowMap, solved_by)
+        pictured = (
+            self._kept(name, PICTURED, tasks.RowPicture, picture_key(strips_by, solved.content)) if solved else None
+        )
+        measured = self._kept(name, MEASURED, RowMeasurements, self.keys[name])
+        known = tasks.RowRecords(measured, strips, solved, pictured)
+        if self.wants_pictures and strips is None:
+            known = replace(known, measured=None, solved=solved if pictured else None)
+        return known
+
+    def _lacks_picture(self, records: tasks.RowRecords) -> bool:
+        return self.wants_pictures and records.pictured is None
+
+    def _is_measured_again(self, records: tasks.RowRecords) -> bool:
+        """Whether a row is measured anew in the next run."""
+        return records.measured is None or bool(records.plugins_failed)
 
     def _kept(self, name: str, stage: str, kind: type[Record], key: str) -> StoredRecord[Record] | None:
         content = self.cache.load(name, stage, key)
         return None if content is None else StoredRecord(kind, content=content)
 
-    def _save(self, name: str, stage: str, key: str, record: StoredRecord[Any]) -> None:
-        """Keep what is whole: where a plugin failed, it is tried again next time."""
-        if not self.plugins_failed[name]:
-            self.cache.save(name, stage, key, record.content)
+    def _save(self, name: str, records: tasks.RowRecords, solved_by: str) -> None:
+        """Keep what an earlier run did not."""
+        known, strips_by = self.known[name], strips_key(self.job, self.keys[name])
+        solved = records.solved
+        pictured_by = picture_key(strips_by, solved.content) if solved is not None else ""
+        kept = [
+            (MEASURED, self.keys[name], records.measured, known.measured),
+            (STRIPS, strips_by, records.strips, known.strips),
+            (SOLVED, solved_by, solved, known.solved),
+            (PICTURED, pictured_by, records.pictured, known.pictured),
+        ]
+        for stage, key, record, before in kept:
+            if record is not None and before is None:
+                self.cache.save(name, stage, key, record.content)
 
-    def _take_measured(
-        self, name: str, record: StoredRecord[RowMeasurements], strips: StoredRecord[RowStrips] | None
-    ) -> None:
-        """Strips that the cache does not keep are held until they are used."""
-        self._save(name, MEASURED, self.keys[name], record)
-        self.measured[name] = record
-        if strips is not None:
-            self._save(name, STRIPS, self._strips_key(name), strips)
-            if self.cache.load(name, STRIPS, self._strips_key(name)) is None:
-                self.strips[name] = strips
-        frames = self._frames(name)
-        if frames is not None and not self.plugins_failed[name]:
-            forget(frames)
+    def _show(self, name: str, records: tasks.RowRecords) -> None:
+        if records.solved is not None:
+            self.solved[name] = records.solved
+        if self.wants_pictures and records.pictured is not None:
+            self.pictures[name] = records.pictured.record
 
-    def _solve_if_measured(self, group: Group) -> None:
-        """Once all rows of a group were measured, or failed: solve those that were measured."""
-        if not all(name in self.measured or name in self.failed for name in group):
-            return
-        names = tuple(name for name in group if name in self.measured)
-        if names and not self._use_kept(names):
-            measured = {name: self.measured[name] for name in names}
-            self.executor.submit((SOLVED, names), tasks.solve_task, self.job, measured)
+    def _frames(self, group: Group) -> Parts | None:
+        """Where what is measured in single frames of rows is kept: with the first of them."""
+        keys = {name: strips_key(self.job, self.keys[name]) for name in group}
+        return self.cache.frames(group[0], digest(frames=keys))
 
-    def _use_kept(self, names: Group) -> bool:
-        maps: dict[str, StoredRecord[RowMap]] = {}
-        for name in names:
-            row = self._kept(name, SOLVED, RowMap, self._solution_key(names))
-            if row is None or (self.wants_pictures and not self._can_be_shown(name, row)):
-                return False
-            maps[name] = row
-        self.monitor.note(f"kept from an earlier run: row {' and '.join(names)}")
-        self.solved |= maps
-        for name in names:
-            self.clock.skip(name, MEASURED, SOLVED)
-            self._picture(name)
-        return True
+    def _keys_of(self, group: Group) -> Mapping[str, str]:
+        return {name: self.keys[name] for name in group}
 
-    def _can_be_shown(self, name: str, row: StoredRecord[RowMap]) -> bool:
-        """Whether a row's orthophoto is kept, or what it is made of."""
-        return self._kept_picture(name, row) is not None or self._strips_of(name) is not None
-
-    def _picture(self, name: str) -> None:
-        """Use a row's orthophoto from an earlier run, or have it made."""
-        if not self.wants_pictures:
-            return
-        row = self.solved[name]
-        kept = self._kept_picture(name, row)
-        strips = self._strips_of(name) if kept is None else None
-        if strips is not None:
-            self.pictured_next.add(name)
-            self.executor.submit((PICTURED, (name,)), tasks.picture_task, self.job, {name: (row, strips)})
-            self.strips.pop(name, None)
-            return
-        self.clock.skip(name, PICTURED)
-        if kept is not None:
-            self._show(name, kept)
-
-    def _show(self, name: str, record: StoredRecord[tasks.RowPicture]) -> None:
-        self.pictured_next.discard(name)
-        self.pictures[name] = record.record
-
-    def _kept_picture(self, name: str, row: StoredRecord[RowMap]) -> StoredRecord[tasks.RowPicture] | None:
-        return self._kept(name, PICTURED, tasks.RowPicture, self._picture_key(name, row))
-
-    def _strips_of(self, name: str) -> StoredRecord[RowStrips] | None:
-        return self.strips.get(name) or self._kept(name, STRIPS, RowStrips, self._strips_key(name))
-
-    def _frames(self, name: str) -> Parts | None:
-        return self.cache.frames(name, self._strips_key(name))
-
-    def _strips_key(self, name: str) -> str:
-        return strips_key(self.job, self.keys[name])
-
-    def _picture_key(self, name: str, row: StoredRecord[RowMap]) -> str:
-        return picture_key(self._strips_key(name), row.content)
-
-    def _solution_key(self, names: Group) -> str:
-        if names not in self.solution_keys:
-            self.solution_keys[names] = solution_key(self.job, {name: self.keys[name] for name in names})
-        return self.solution_keys[names]
-
-    def _fail(self, name: str, stage: str, failure: tasks.Failure) -> None:
-        """A row without an orthophoto is mapped all the same."""
+    def _fail(self, name: str, failure: tasks.Failure) -> None:
         if failure.trace:
             log.error("row %s: %s", name, failure.trace)
-        if stage == PICTURED:
-            self.pictured_next.discard(name)
-            self.monitor.note(f"row {name}: no orthophoto: {failure.error}")
-            return
         self.failed[name] = failure.error
-        self.measured.pop(name, None)
-        self.clock.skip(name, MEASURED, SOLVED, PICTURED)
         if len(self.job.site.rows) > 1:
             self.monitor.note(f"row {name} is not mapped: {str(failure.error).removeprefix(f'row {name}: ')}")
 
@@ -322,10 +276,10 @@ def _named(rows: Sequence[str]) -> str:
     return f"{'row' if len(rows) == 1 else 'rows'} {', '.join(rows)}"
 
 
-def _crashed(key: Key, error: BaseException) -> tasks.TaskResult:
+def _crashed(group: Group, error: BaseException) -> tasks.TaskResult:
     """The failure of rows whose process ended without a result. Any other error is raised."""
-    stage, names = key
     if not isinstance(error, WorkerCrashedError):
         raise error
-    what = f"its process ended before it was {stage}: out of memory, killed, crashed, or plugin_timeout_s in a hook"
-    return tasks.TaskResult({name: tasks.Failure(SavmapError(what)) for name in names})
+    what = "its process ended before it was mapped: out of memory, killed, crashed, or plugin_timeout_s in a hook"
+    failure = tasks.Failure(SavmapError(what))
+    return tasks.TaskResult({name: tasks.RowRecords(failure=failure) for name in group})

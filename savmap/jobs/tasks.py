@@ -6,7 +6,7 @@ import resource
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,12 +14,13 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from savmap.errors import SavmapError, SiteError, format_error
-from savmap.files.journal import Parts
-from savmap.jobs.cache import StoredRecord
+from savmap.files.journal import Journal, Parts
+from savmap.jobs.cache import Record, StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
+from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED
 from savmap.pipeline.cutting import spaced_stills
 from savmap.pipeline.orthophoto import orthophoto
-from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements, RowRequest
+from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
 from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
@@ -49,93 +50,168 @@ class RowPicture:
 
 
 @dataclass(frozen=True, eq=False)
-class TaskResult:
-    """What a task gave: by row, a record, or why there is none; notes for the user that nobody was told yet, seconds on
-    the clock, the largest memory of the worker so far, MB, what another process had no log for, by row, the plugins
-    that failed and how, and strips of what was measured, if they were asked for."""
+class RowRecords:
+    """What is known of a row, by stage: what was measured in its pictures, with strips of them if pictures are wanted,
+    its map, and its picture; or why there is none. `plugins_failed`: those that failed, and how."""
 
-    records: Mapping[str, StoredRecord[Any] | Failure]
+    measured: StoredRecord[RowMeasurements] | None = None
+    strips: StoredRecord[RowStrips] | None = None
+    solved: StoredRecord[RowMap] | None = None
+    pictured: StoredRecord[RowPicture] | None = None
+    failure: Failure | None = None
+    plugins_failed: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class TaskResult:
+    """What a task gave: by row, its records; notes for the user that nobody was told yet, seconds on the clock by
+    stage, the largest memory of the worker so far, MB, and what another process had no log for."""
+
+    rows: Mapping[str, RowRecords]
     notes: Sequence[str] = ()
-    seconds: float = 0.0
+    seconds: Mapping[str, float] = field(default_factory=dict)
     peak_mb: float = 0.0
     logged: Sequence[str] = ()
-    plugins_failed: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    strips: Mapping[str, StoredRecord[RowStrips]] = field(default_factory=dict)
 
 
-def measure_task(
+def map_task(
     job: Job,
-    row: str,
+    rows: Mapping[str, RowRecords],
     monitor: Monitor | None = None,
     *,
-    with_strips: bool = False,
+    with_pictures: bool = False,
     frames: Parts | None = None,
 ) -> TaskResult:
-    """What is measured in one row's pictures, with strips of them if they are wanted. `frames`: where what is measured
-    in single frames is kept meanwhile."""
+    """All records of rows that are seen in the same frames, from those that an earlier run kept. `frames`: where what is
+    measured in single frames is kept meanwhile.
 
-    def work(shown: Monitor) -> TaskResult:
-        request = request_for(job, row)
-        if with_strips:
-            request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
-        with FrameJournal(FrameRecord, frames) as journal:
-            if journal.count:
-                shown.note(f"row {row}: what was measured in {journal.count} frames is kept from an earlier run")
+    Linear algebra runs in one thread: sums then do not depend on how many cores a machine has. In another process no
+    error is let out at all.
+    """
+    notes = NoteCollector()
+    remote = monitor is None or isinstance(monitor, ForwardedMonitor)
+    shown = monitor or notes
+    group = _Group(job, dict(rows), shown)
+    logged: Sequence[str] = ()
+    try:
+        with threadpool_limits(1, "blas"), warnings_as_notes(shown), trace.about(list(rows), keep=remote) as logged:
+            group.measure(with_pictures, frames)
+            group.solve()
+            if with_pictures:
+                group.picture()
+    except SavmapError as error:
+        group.fail(Failure(error))
+    except Exception as error:
+        if not remote:
+            raise
+        text = f"unexpected {format_error(error)}; please report it with savmap.log"
+        group.fail(Failure(SavmapError(text), traceback.format_exc()))
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
+    return TaskResult(group.rows, tuple(notes.lines), group.seconds, peak_mb, tuple(logged))
+
+
+class _Group:
+    """Rows that are mapped together, and how far they are. A row that fails keeps what was known of it before."""
+
+    def __init__(self, job: Job, rows: dict[str, RowRecords], shown: Monitor) -> None:
+        self.job, self.rows, self.shown = job, rows, shown
+        self.seconds: dict[str, float] = {}
+        self.requests: dict[str, RowRequest] = {}
+        for row in rows:
             try:
-                measured = measure(replace(request, journal=journal), shown)
+                self.requests[row] = request_for(job, row)
             except SavmapError as error:
-                raise because(error, failed(request.plugins)) from error
-        return TaskResult(
-            {row: StoredRecord(RowMeasurements, measured.measurements)},
-            plugins_failed={row: measured.measurements.failed},
-            strips={row: StoredRecord(RowStrips, measured.strips)} if with_strips else {},
-        )
+                self._update(row, failure=Failure(error))
 
-    return _result([row], work, monitor)
+    def measure(self, with_strips: bool, frames: Parts | None) -> None:
+        """Walk along the rows' footage, but for those that are measured."""
+        new = [row for row in self._sound() if self.rows[row].measured is None]
+        if not new:
+            return
+        requests = [self.requests[row] for row in new]
+        if with_strips:
+            site = self.job.site
+            requests = [replace(one, strips=site.orthophotos, stills=site.panoramas) for one in requests]
+        with self._timed(MEASURED), Journal(frames) as journal:
+            for row in new:
+                if count := journal.earlier[row]:
+                    self.shown.note(f"row {row}: what was measured in {count} frames is kept from an earlier run")
+            for request, measured in zip(requests, measure(requests, journal, self.shown), strict=True):
+                if isinstance(measured, SavmapError):
+                    self._fail(request, measured)
+                    continue
+                self._update(
+                    request.name,
+                    measured=StoredRecord(RowMeasurements, measured.measurements),
+                    strips=StoredRecord(RowStrips, measured.strips) if with_strips else None,
+                    plugins_failed=measured.measurements.failed,
+                )
+
+    def solve(self) -> None:
+        """Solve the rows together, unless all of them are solved."""
+        names = self._sound()
+        if all(self.rows[row].solved is not None for row in names):
+            return
+        with self._timed(SOLVED):
+            warned = NoteCollector()
+            measured = [MeasuredRow(self.requests[row], record_of(self.rows[row].measured)) for row in names]
+            with warnings_as_notes(warned):
+                results = map_rows(measured, self.shown)
+            for row, result in zip(measured, results, strict=True):
+                request, failures = row.request, {**row.measurements.failed, **failed(row.request.plugins)}
+                self._update(request.name, plugins_failed=failures)
+                if isinstance(result, SavmapError):
+                    self._fail(request, result)
+                else:
+                    self._update(request.name, solved=StoredRecord(RowMap, with_notes(result, warned.lines)))
+
+    def picture(self) -> None:
+        """Orthophotos of the rows' faces, none of a row in which no face is known; and stills of the camera's path. A
+        row without them is mapped all the same."""
+        with self._timed(PICTURED):
+            for row in self._sound():
+                records = self.rows[row]
+                if records.pictured is None and records.solved is not None and records.strips is not None:
+                    try:
+                        picture = picture_of(records.solved.record, records.strips.record)
+                    except SavmapError as error:
+                        self.shown.note(f"row {row}: no orthophoto: {error}")
+                    else:
+                        self._update(row, pictured=StoredRecord(RowPicture, picture))
+
+    def fail(self, failure: Failure) -> None:
+        """What is not mapped by now fails."""
+        for row, records in self.rows.items():
+            if records.solved is None:
+                self._update(row, failure=failure)
+
+    def _sound(self) -> list[str]:
+        return [row for row, records in self.rows.items() if records.failure is None]
+
+    def _update(self, row: str, **known: Any) -> None:
+        self.rows[row] = replace(self.rows[row], **known)
+
+    def _fail(self, request: RowRequest, error: SavmapError) -> None:
+        failures = {**self.rows[request.name].plugins_failed, **failed(request.plugins)}
+        self._update(request.name, failure=Failure(because(error, failures)), plugins_failed=failures)
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        begin = time.monotonic()
+        yield
+        self.seconds[stage] = time.monotonic() - begin
 
 
-def solve_task(
-    job: Job, measurements: Mapping[str, StoredRecord[RowMeasurements]], monitor: Monitor | None = None
-) -> TaskResult:
-    """Maps of rows that share passes, from what was measured of them."""
-
-    def work(shown: Monitor) -> TaskResult:
-        seen = {row: stored.record for row, stored in measurements.items()}
-        requests = [replace(request_for(job, row), measurements=record) for row, record in seen.items()]
-        warned = NoteCollector()
-        with warnings_as_notes(warned):
-            results = map_rows(requests, shown)
-        plugins_failed = {
-            request.name: {**seen[request.name].failed, **failed(request.plugins)} for request in requests
-        }
-        records = {
-            row: StoredRecord(RowMap, with_notes(result, warned.lines))
-            if isinstance(result, RowMap)
-            else Failure(because(result, plugins_failed[row]))
-            for row, result in zip(measurements, results, strict=True)
-        }
-        return TaskResult(records, plugins_failed=plugins_failed)
-
-    return _result(list(measurements), work, monitor)
+def record_of(stored: StoredRecord[Record] | None) -> Record:
+    """A record that is known to be there."""
+    assert stored is not None
+    return stored.record
 
 
-def picture_task(
-    job: Job,
-    rows: Mapping[str, tuple[StoredRecord[RowMap], StoredRecord[RowStrips]]],
-    monitor: Monitor | None = None,
-) -> TaskResult:
-    """Orthophotos of rows' faces, from their maps and the strips of what was measured, none of a row in which no face
-    is known; and stills of the camera's path."""
-
-    def work(shown: Monitor) -> TaskResult:
-        pictures: dict[str, StoredRecord[Any] | Failure] = {}
-        for row, (mapped, strips) in rows.items():
-            face, path = mapped.record.face, mapped.record.trajectory
-            picture = orthophoto(face, strips.record, path) if face is not None else None
-            pictures[row] = StoredRecord(RowPicture, RowPicture(picture, spaced_stills(strips.record.stills, path)))
-        return TaskResult(pictures)
-
-    return _result(list(rows), work, monitor)
+def picture_of(row: RowMap, strips: RowStrips) -> RowPicture:
+    """The picture of a mapped row."""
+    picture = orthophoto(row.face, strips, row.trajectory) if row.face is not None else None
+    return RowPicture(picture, spaced_stills(strips.stills, row.trajectory))
 
 
 def request_for(job: Job, row: str) -> RowRequest:
@@ -163,32 +239,6 @@ def earlier_path(job: Job, row: str) -> Trajectory | None:
     if row not in rows:
         raise SiteError(f"{job.earlier}: has no row `{row}` whose camera path could be used; it has {', '.join(rows)}")
     return rows[row].trajectory
-
-
-def _result(rows: Sequence[str], work: Callable[[Monitor], TaskResult], monitor: Monitor | None) -> TaskResult:
-    """Do it; an expected error is the failure of all rows named. In another process no error is let out at all.
-
-    Linear algebra runs in one thread: sums then do not depend on how many cores a machine has.
-    """
-    notes = NoteCollector()
-    begin = time.monotonic()
-    remote = monitor is None or isinstance(monitor, ForwardedMonitor)
-    shown = monitor or notes
-    logged: Sequence[str] = ()
-    try:
-        with threadpool_limits(1, "blas"), warnings_as_notes(shown), trace.about(rows, keep=remote) as logged:
-            result = work(shown)
-    except SavmapError as error:
-        result = TaskResult({row: Failure(error) for row in rows})
-    except Exception as error:
-        if not remote:
-            raise
-        text = f"unexpected {format_error(error)}; please report it with savmap.log"
-        failure = Failure(SavmapError(text), traceback.format_exc())
-        result = TaskResult(dict.fromkeys(rows, failure))
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
-    seconds = time.monotonic() - begin
-    return replace(result, notes=tuple(notes.lines), seconds=seconds, peak_mb=peak_mb, logged=tuple(logged))
 
 
 class _NoteHandler(logging.Handler):

@@ -1,11 +1,14 @@
 """What is asked of a row, and what is known of it after each step of the pipeline."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
+from savmap.errors import SavmapError
 from savmap.files.journal import Journal
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
 from savmap.pipeline.cutting import Cut
+from savmap.pipeline.trust.footage import with_doubts
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
 from savmap.types import (
@@ -20,9 +23,13 @@ from savmap.types import (
     Structure,
     Track,
     Trajectory,
+    ViewSpec,
 )
 from savmap.vision.evidence import FloorTracks, PackedView
 from savmap.vision.markers import MarkerTracks
+
+Before = TypeVar("Before")
+After = TypeVar("After")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +40,6 @@ class FrameRecord:
     features: Mapping[str, Sequence[Feature]]
     packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
     cuts: Sequence[Cut] = ()
-
-
-FrameJournal = Journal[FrameRecord]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +69,8 @@ class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
     `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated.
-    `appearance`: whether points of any kind help with the camera's motion. `measurements`: what an earlier run
-    measured, if it is still valid. `strips`: whether strips of the frames are kept for an orthophoto; `stills`: whether
-    panoramas are, to be looked at. `journal`: keeps what is measured in single frames, for a run that is cut off.
+    `appearance`: whether points of any kind help with the camera's motion. `strips`: whether strips of the frames are
+    kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
     """
 
     name: str
@@ -78,10 +81,8 @@ class RowRequest:
     path: Trajectory | None = None
     calibration: Calibration | None = None
     appearance: bool = False
-    measurements: RowMeasurements | None = None
     strips: bool = False
     stills: bool = False
-    journal: FrameJournal | None = None
 
     @property
     def attitudes(self) -> Mapping[str, Floats]:
@@ -101,6 +102,27 @@ class MeasuredRow:
     request: RowRequest
     measurements: RowMeasurements
     strips: RowStrips = field(default_factory=RowStrips, kw_only=True)
+
+
+@dataclass(frozen=True, eq=False)
+class WalkedRow(MeasuredRow):
+    """A row as the drive saw it, and what was kept of the pictures for what comes after it.
+
+    plugins: with the networks that were used. packed_views: by plugin, for those whose structure lies in planes. floor:
+    views of the floor, whose specifications are in `floor_views`. journal: has a strip of every frame
+    (`savmap.vision.strips`) in the series `strips_of(row)`.
+    """
+
+    plugins: Sequence[LoadedPlugin]
+    packed_views: Mapping[str, Sequence[PackedView]]
+    journal: Journal
+    floor: tuple[PackedView, ...] = ()
+    floor_views: Mapping[str, ViewSpec] = field(default_factory=dict)
+
+
+def strips_of(row: str) -> str:
+    """What the series of a row's strips is called in a journal."""
+    return f"{row}, strips"
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,3 +173,15 @@ class DescribedRow(SolvedRow):
 
     structures: Mapping[str, tuple[Structure, ...]]
     face: PlanePatch | None
+
+
+def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After]) -> list[After | SavmapError]:
+    """What a step gives for each item. An item that is an error stays; an expected error of the step stands for its
+    item."""
+    results: list[After | SavmapError] = []
+    for item in items:
+        try:
+            results.append(item if isinstance(item, SavmapError) else step(item))
+        except SavmapError as error:
+            results.append(with_doubts(error, item.measurements.doubts) if isinstance(item, MeasuredRow) else error)
+    return results

@@ -1,16 +1,16 @@
 """Rows, from video to map: the whole method as one sentence, and its verbs."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from savmap import graph
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
+from savmap.files.journal import Journal
 from savmap.graph import Constraints
+from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.initial_poses import first_poses
 from savmap.pipeline.joint_covariance import joint_covariance
-from savmap.pipeline.measure import measure_row
 from savmap.pipeline.records import (
     DescribedRow,
     LocatedRow,
@@ -20,54 +20,36 @@ from savmap.pipeline.records import (
     RowRequest,
     SolvedRow,
     TrackedRow,
+    each,
 )
 from savmap.pipeline.second_look import look_again
-from savmap.pipeline.trust.footage import with_doubts
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.maps import SKIPPED
 from savmap.types.progress import Monitor
 
-Before = TypeVar("Before")
-After = TypeVar("After")
 ROOM_M = 0.3
 """Shown of a face around its structures."""
 
 
-def map_rows(requests: Sequence[RowRequest], monitor: Monitor) -> list[RowMap | SavmapError]:
-    """Maps of rows, solved together where they are seen in the same frames (paper, section III). A row that cannot be
-    mapped comes back as its error, and the others are mapped without it."""
-    measured = each(requests, lambda row: measure(row, monitor))
+def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow | SavmapError]:
+    """What the rows' pictures show: one walk over the pixels for all of them, then edges measured once more in what was
+    kept, where the evidence of all frames together shows other structures than single frames do. A row that cannot be
+    measured comes back as its error."""
+    walked = walk(requests, journal, monitor)
+    return each(walked, lambda row: look_again(row, monitor))
+
+
+def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) -> list[RowMap | SavmapError]:
+    """Maps of measured rows, solved together where they are seen in the same frames (paper, section III). A row that
+    cannot be mapped comes back as its error, and the others are mapped without it."""
     located = each(measured, locate)
     tracked = each(located, lambda row: track(row, monitor))
     posed = each(tracked, lambda row: constrain(row, monitor))
     solved = solve(posed, monitor)
     described = each(solved, describe)
     return each(described, collect)
-
-
-def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After]) -> list[After | SavmapError]:
-    """What a step gives for each item. An item that is an error stays; an expected error of the step stands for its
-    item."""
-    results: list[After | SavmapError] = []
-    for item in items:
-        try:
-            results.append(item if isinstance(item, SavmapError) else step(item))
-        except SavmapError as error:
-            results.append(with_doubts(error, item.measurements.doubts) if isinstance(item, MeasuredRow) else error)
-    return results
-
-
-def measure(row: RowRequest, monitor: Monitor) -> MeasuredRow:
-    """Render the views, detect, and extract features; once more where the evidence of all frames together shows other
-    structures than single frames do. The only walks over the pixels. Raises SavmapError."""
-    if row.measurements is not None:
-        return MeasuredRow(row, row.measurements)
-    if row.plugins and all(plugin.needs_path for plugin in row.plugins):
-        require_path(row.name, row.plugins[0], row.path)
-    measured = measure_row(row, monitor)
-    return MeasuredRow(row, look_again(row, measured, monitor), strips=measured.strips)
 
 
 def locate(row: MeasuredRow) -> LocatedRow:
@@ -223,16 +205,6 @@ def constrain_plugin(
     except (SiteError, StructureError) as error:
         gap = graph.where_tracks_miss_frames(tracks, facts.frames)
         raise type(error)(f"{error}; {gap}") if gap else error from None
-
-
-def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
-    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's
-    path."""
-    if plugin.needs_path and path is None:
-        raise StructureError(
-            f"row {row}: `{plugin.name}` alone does not locate the camera: add a plugin that maps the face "
-            f"(--plugins NAME,{plugin.name}), or give an earlier map with --trajectory"
-        )
 
 
 def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[Trajectory, bool]:

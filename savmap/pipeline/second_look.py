@@ -11,7 +11,6 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import cv2
 import numpy as np
@@ -21,10 +20,8 @@ from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
 from savmap.graph import References
 from savmap.pipeline.initial_poses import first_poses
-from savmap.pipeline.measure import MeasuredPasses, WalkJournal, rendered
-from savmap.pipeline.records import FrameRecord, RowMeasurements, RowRequest
+from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
-from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import (
     Doubt,
     Expected,
@@ -38,7 +35,6 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import Monitor
-from savmap.video.reader import DecodeReport
 from savmap.vision.evidence import (
     DetectionSettings,
     FloorHeight,
@@ -56,7 +52,7 @@ from savmap.vision.evidence import (
     outlines_in,
 )
 from savmap.vision.networks.segmenter import Segmentation
-from savmap.vision.views import Renderer
+from savmap.vision.strips import PanoramaStrip
 
 LOOKS = 2
 LEAST_LANDMARKS = 2
@@ -139,11 +135,11 @@ def structure_of(landmark: str) -> str:
     return landmark.rsplit(" / ", 1)[0]
 
 
-def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> RowMeasurements:
+def look_again(measured: WalkedRow, monitor: Monitor) -> MeasuredRow:
     """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked. What is still not
     tracked after the last look is doubted."""
-    measurements = measured.measurements
-    for plugin in measured.plugins or row.plugins:
+    row, measurements = measured.request, measured.measurements
+    for plugin in measured.plugins:
         if (
             plugin.name not in measured.packed_views
             or plugin.name not in measurements.locators
@@ -156,7 +152,7 @@ def look_again(row: RowRequest, measured: MeasuredPasses, monitor: Monitor) -> R
         measurements = replace(measurements, depths=(*measurements.depths, *depths)) if depths else measurements
         if measured.floor and not measurements.floor.tracks:
             measurements = replace(measurements, floor=floor_of(alone, measured, measurements))
-    return measurements
+    return MeasuredRow(row, measurements, strips=measured.strips)
 
 
 def not_followed(plugin: LoadedPlugin) -> Doubt:
@@ -200,7 +196,7 @@ class PluginAlone:
 
 
 def best_measurements(
-    alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements, monitor: Monitor
+    alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements, monitor: Monitor
 ) -> RowMeasurements:
     """The measurements, of the first ones and those of up to `LOOKS` looks, after which the fewest of a plugin's expected objects are amiss.
 
@@ -211,7 +207,7 @@ def best_measurements(
     states = [(measurements, expect(alone, measured, measurements))]
     while len(states) <= LOOKS and (expectation := states[-1][1]) is not None:
         monitor.note(f"row {row}: `{plugin.name}` looks again for {len(expectation.there)} objects")
-        features = measure_again(alone.row, plugin, measured, expectation, len(states), monitor)
+        features = SecondLook(plugin, expectation, measured).features()
         anew = replace(measurements, features={**measurements.features, plugin.name: features})
         located = alone.located(anew)
         if located is None:
@@ -226,7 +222,7 @@ def best_measurements(
     return replace(best, doubts=(*best.doubts, *doubts)) if doubts else best
 
 
-def expect(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> Expectation | None:
+def expect(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements) -> Expectation | None:
     """What a plugin expects by the evidence; None where that is what it tracked, or where it cannot be tracked at all."""
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
@@ -283,7 +279,7 @@ def meets(one: Expected, other: Expected) -> bool:
     return bool((low < last + room).all() and (first < high + room).all())
 
 
-def depths_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> Iterator[FlatDepth]:
+def depths_of(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements) -> Iterator[FlatDepth]:
     """How deep the plugin's flat parts lie, where the pictures tell."""
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
@@ -297,7 +293,7 @@ def depths_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMea
 
 def floor_before(
     alone: PluginAlone,
-    measured: MeasuredPasses,
+    measured: WalkedRow,
     path: Trajectory,
     planes: Sequence[PlanePatch],
     points: Mapping[str, Floats],
@@ -314,7 +310,7 @@ def floor_before(
     return floor
 
 
-def floor_of(alone: PluginAlone, measured: MeasuredPasses, measurements: RowMeasurements) -> FloorTracks:
+def floor_of(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements) -> FloorTracks:
     """Points of the floor before the plugin's first upright plane, where the pictures tell."""
     located = alone.located(measurements)
     if located is None:
@@ -351,53 +347,33 @@ def warnings_held_back() -> Iterator[None]:
             handler.removeFilter(told)
 
 
-def measure_again(
-    row: RowRequest,
-    plugin: LoadedPlugin,
-    measured: MeasuredPasses,
-    expectation: Expectation,
-    number: int,
-    monitor: Monitor,
-) -> list[Feature]:
-    """The features of a plugin in all passes, measured where objects are expected, in its look of this number."""
-    look = SecondLook(plugin, expectation)
-    passes = measured.measurements.facts.frames.passes
-    features: list[Feature] = []
-    for plan in measured.plans:
-        views = [spec for (owner, _), spec in plan.views().items() if owner == plugin.name]
-        text = f"row {row.name}, {plan.name}: looking again"
-        kept = WalkJournal(row.journal, f"look {number} of {plugin.name}", [plugin])
-        render = partial(look.render, views=views, kept=kept)
-        for panorama, shown in rendered(plan.clip, passes.index(plan.name), DecodeReport(), render, monitor, text):
-            record = kept.get(panorama.frame) or kept.add(
-                panorama.frame, FrameRecord({plugin.name: look.features(panorama, shown)})
-            )
-            features += record.features.get(plugin.name, ())
-    return features
-
-
 class SecondLook:
-    """Measures in single frames what is expected there."""
+    """Measures what is expected in single frames, in the strips that the drive kept of them."""
 
-    def __init__(self, plugin: LoadedPlugin, expectation: Expectation) -> None:
-        self.plugin, self.expected = plugin, expectation
-        self.segmenters, self.renderer, self.settings = SegmenterPool([plugin]), Renderer(), DetectionSettings()
+    def __init__(self, plugin: LoadedPlugin, expectation: Expectation, walked: WalkedRow) -> None:
+        self.plugin, self.expected, self.walked, self.settings = plugin, expectation, walked, DetectionSettings()
         self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
 
-    def render(self, panorama: Panorama, views: Sequence[ViewSpec], kept: WalkJournal) -> list[View]:
-        """A panorama's views, about which the network has been asked; none where the camera's pose is not known, or the frame is kept."""
-        known = panorama.frame in self.poses and kept.get(panorama.frame) is None
-        shown = [self.renderer.render(panorama, spec) for spec in views if known and spec.shows(panorama.frame)]
-        for view in shown:
-            self.segmenters.predict(self.plugin, view)
-        return shown
+    def features(self) -> list[Feature]:
+        """What the plugin extracts from the expected objects in all frames whose pose is known, but for what is
+        absent."""
+        series, strip = strips_of(self.walked.request.name), None
+        features: list[Feature] = []
+        for packed_view in self.walked.packed_views[self.plugin.name]:
+            if packed_view.frame not in self.poses:
+                continue
+            if strip is None or strip.frame != packed_view.frame:
+                strip = self.walked.journal.get(PanoramaStrip, series, packed_view.frame)
+                panorama = strip.panorama() if strip is not None else None
+            if panorama is not None:
+                found = self._in_view(packed_view, panorama)
+                features += [replace(feature, expected=True) for feature in found]
+        return features
 
-    def features(self, panorama: Panorama, views: Sequence[View]) -> list[Feature]:
-        """What the plugin extracts from the expected objects in a panorama's views, but for what is absent."""
-        return [replace(feature, expected=True) for view in views for feature in self._in_view(view, panorama)]
-
-    def _in_view(self, view: View, panorama: Panorama) -> list[Feature]:
-        segmentation = self.segmenters.predict(self.plugin, view)
+    def _in_view(self, packed_view: PackedView, panorama: Panorama) -> list[Feature]:
+        spec = self.walked.measurements.facts.views[packed_view.view]
+        view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
+        segmentation = packed_view.segmentation(self.plugin.classes, spec)
         outlines = self._outlines(view, segmentation)
         there = [(thing, outline) for thing, outline in outlines if not thing.absent]
         detections = expected_detections(view, segmentation, there, self.settings)

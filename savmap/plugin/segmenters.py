@@ -20,7 +20,7 @@ NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
-    """The plugins' networks. A file that several plugins name is loaded once, and a view that they share is segmented
+    """Plugins' networks, of one row or of several. A file that several plugins name is loaded once, and a view that they share is segmented
     once.
 
     `notes`: a line for each network that does not run on the processor, or not on the provider that was asked for.
@@ -28,14 +28,13 @@ class SegmenterPool:
     """
 
     def __init__(self, plugins: Sequence[LoadedPlugin]) -> None:
-        keys = {plugin.name: _key(plugin) for plugin in plugins}
-        networks = {
-            key: _network(key, [plugin for plugin in plugins if keys[plugin.name] == key]) for key in keys.values()
-        }
-        self.networks = {plugin.name: networks[keys[plugin.name]] for plugin in plugins}
-        self.notes = tuple(dict.fromkeys(line for network in networks.values() for line in _notes(network)))
+        sharing: dict[NetworkKey, list[LoadedPlugin]] = {}
         for plugin in plugins:
-            network = self.networks[plugin.name]
+            sharing.setdefault(_key(plugin), []).append(plugin)
+        self._networks = {key: _network(key, named) for key, named in sharing.items()}
+        self.notes = tuple(dict.fromkeys(line for network in self._networks.values() for line in _notes(network)))
+        for plugin in plugins:
+            network = self.network(plugin)
             missing = sorted(set(plugin.classes) - set(network.classes))
             if missing:
                 raise ModelError(
@@ -43,19 +42,23 @@ class SegmenterPool:
                     f"{shortened(network.names)}: say with `class_names` which of them it is"
                 )
 
+    def network(self, plugin: LoadedPlugin) -> "CachedSegmenter":
+        """The network of one of the plugins."""
+        return self._networks[_key(plugin)]
+
     def detect(self, plugin: LoadedPlugin, view: View) -> list[Detection]:
         """The plugin's detections in a view."""
-        return plugin.detect(view, self.networks[plugin.name])
+        return plugin.detect(view, self.network(plugin))
 
     def predict(self, plugin: LoadedPlugin, view: View) -> Segmentation:
         """What the plugin's network gives for a view."""
-        return self.networks[plugin.name].predict(view.image)
+        return self.network(plugin).predict(view.image)
 
     def prefetch(self, plugin: LoadedPlugin, view: View) -> None:
         """Segment a view now, ahead of `detect`; plugins with a `detect` hook of their own may not need it, and are
         left alone."""
         if not plugin.has("detect"):
-            self.networks[plugin.name].predict(view.image)
+            self.network(plugin).predict(view.image)
 
 
 class CachedSegmenter(Segmenter):
@@ -83,8 +86,10 @@ def _network(key: NetworkKey, plugins: Sequence[LoadedPlugin]) -> CachedSegmente
     try:
         network = CachedSegmenter(path, 1, dict(class_names), wanted, providers)
     except ModelError as error:
-        raise ModelError(f"plugin `{'` and `'.join(plugin.name for plugin in plugins)}`: {error}") from error
-    log.info("network of %s: %s", " and ".join(plugin.name for plugin in plugins), network)
+        raise ModelError(
+            f"plugin `{'` and `'.join(dict.fromkeys(plugin.name for plugin in plugins))}`: {error}"
+        ) from error
+    log.info("network of %s: %s", " and ".join(dict.fromkeys(plugin.name for plugin in plugins)), network)
     return network
 
 

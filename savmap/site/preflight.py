@@ -124,7 +124,7 @@ def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
                 continue
             tried.add(key)
             try:
-                network = SegmenterPool([plugin]).networks[plugin.name]
+                network = SegmenterPool([plugin]).network(plugin)
                 yield f"network of {plugin.name}: {network}"
                 yield from [network.note] if network.note else []
             except ModelError as error:

@@ -108,13 +108,13 @@ class Renderer:
 
 def table(spec: ViewSpec, height: int, antialias: bool) -> tuple[Level, ...]:
     """The levels of a view of a (height, 2 height) panorama: each pixel of the view is in one of them."""
-    pixels = _panorama_pixels(spec, height)
+    pixels = panorama_pixels(spec, height)
     halvings = _halvings(spec, height) if antialias else np.zeros((spec.height, spec.width), np.int64)
     numbers = np.flatnonzero(np.bincount(halvings.ravel()))
     return tuple(_level(pixels, halvings, int(number), height) for number in numbers)
 
 
-def _panorama_pixels(spec: ViewSpec, height: int) -> Singles:
+def panorama_pixels(spec: ViewSpec, height: int) -> Singles:
     """(h, w, 2) panorama pixels of a view's pixel centres; rows beyond the poles' last rows are put on them."""
     x, y = _normalised(spec)
     turn = spec.rig_from_view.astype(np.float32)
@@ -145,7 +145,7 @@ def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: in
     if number == 0:
         return Level(mask, 0, None, *_fixed(pixels))
     cell = 2**number
-    region = _region(pixels, height, cell)
+    region = region_around(pixels, height, cell)
     column = pixels[..., 0] + (0.5 - region.left - cell)
     column[column < 0] += 2 * height
     row = np.clip(
@@ -154,7 +154,7 @@ def _level(pixels: Singles, halvings: NDArray[np.int64], number: int, height: in
     return Level(mask, number, region, *_fixed(np.stack([column / cell + 0.5, row], axis=-1)))
 
 
-def _region(pixels: Singles, height: int, cell: int) -> Region:
+def region_around(pixels: Singles, height: int, cell: int) -> Region:
     """Smallest region that holds pixels (n, 2) and the cells beside them, in whole cells."""
     top = max(0, int(pixels[:, 1].min() // cell - 2) * cell)
     bottom = min(height, int(pixels[:, 1].max() // cell + 3) * cell)

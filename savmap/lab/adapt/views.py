@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from savmap.lab.adapt.faces import Outline
 from savmap.lab.label.polygons import filled
-from savmap.pipeline.measure import rendered
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass, pass_names
-from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
+from savmap.types import Floats, RowMap, ViewSpec
 from savmap.types.progress import Monitor
-from savmap.video.reader import DecodeReport
+from savmap.video.prefetch import prefetch
+from savmap.video.reader import panoramas
 from savmap.vision.evidence import PackedView
 from savmap.vision.evidence.planes import outline_in
 from savmap.vision.views import Renderer
@@ -94,18 +94,17 @@ def seen_views(
     """The chosen views, rendered from the video, with what the plugin's network makes of them. Raises VideoError,
     ModelError."""
     segmenters, renderer = SegmenterPool([plugin]), Renderer()
-
-    def render(panorama: Panorama) -> list[View]:
-        return [renderer.render(panorama, spec) for spec in chosen.get(panorama.frame, ())]
-
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
         if name not in row.frames.passes:
             continue
         doing, first = f"row {row.name}, {name}: looking", row.frames.passes.index(name)
-        for panorama, views in rendered(row_pass.clip, first, DecodeReport(), render, monitor, doing):
-            for view in views:
-                seen = segmenters.predict(plugin, view)
-                yield SeenView(view.spec, panorama.frame, view.image, PackedView.of(view, seen), tuple(seen.classes))
+        total = row.frames.passes.count(name)
+        with prefetch(panoramas(row_pass.clip, first), 1) as frames:
+            for panorama in monitor.each(frames, doing, total):
+                for spec in chosen.get(panorama.frame, ()):
+                    view = renderer.render(panorama, spec)
+                    seen = segmenters.predict(plugin, view)
+                    yield SeenView(spec, panorama.frame, view.image, PackedView.of(view, seen), tuple(seen.classes))
 
 
 def _frames(row: RowMap, spec: ViewSpec) -> list[int]:

@@ -152,7 +152,7 @@ def predictors_of(recordings: Sequence[Recording]) -> list[ViewPredictor]:
     for loaded in (recording.loaded for recording in recordings):
         network = loaded.model, tuple(sorted(loaded.class_names.items())), loaded.providers
         segmenters[network] = segmenters.get(network) or SegmenterPool([loaded])
-        predictors.append(ViewPredictor(segmenters[network].networks[loaded.name], loaded.classes))
+        predictors.append(ViewPredictor(segmenters[network].network(loaded), loaded.classes))
     return predictors
 
 

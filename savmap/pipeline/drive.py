@@ -1,0 +1,388 @@
+"""The drive: the only walk over pixels. Every frame is decoded once, whichever rows are seen in it, and every view of
+it is rendered and segmented once. What comes after it works on what is kept here: features, packed views, and strips
+of the panoramas.
+"""
+
+from collections import deque
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from types import TracebackType
+from typing import TypeVar
+
+import numpy as np
+
+from savmap.errors import SavmapError, StructureError, VideoError
+from savmap.files.journal import Journal
+from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
+from savmap.pipeline.networks import network_lines, with_best_networks
+from savmap.pipeline.records import FrameRecord, RowMeasurements, RowRequest, WalkedRow, each, strips_of
+from savmap.pipeline.trust.footage import require_course
+from savmap.pipeline.view_plans import PassPlan, plan_pass
+from savmap.plugin.isolation import failed, left_out
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.model import MIN_FRAMES, Footage, Pass, pass_names
+from savmap.types import (
+    Doubt,
+    Feature,
+    FilmedPanorama,
+    Floats,
+    FrameTable,
+    Panorama,
+    RowFacts,
+    RowStrips,
+    Still,
+    Strip,
+    Trajectory,
+    View,
+    ViewSpec,
+)
+from savmap.types.progress import Monitor
+from savmap.video.clip import is_folder, too_few
+from savmap.video.motion import PassWatch, Steps
+from savmap.video.prefetch import prefetch
+from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
+from savmap.vision.evidence import PackedView
+from savmap.vision.flow import FlowTracker, NullFlowTracker
+from savmap.vision.markers import MarkerTracker
+from savmap.vision.strips import PanoramaStrip, region_of
+from savmap.vision.views import Region, Renderer
+
+WORKERS, DEPTH = 2, 3
+CutKind = TypeVar("CutKind", bound=Cut)
+
+Planned = tuple[RowRequest, Sequence[LoadedPlugin], PassPlan]
+"""A row, its plugins with the networks that see most, and the views of its first pass."""
+Rendered = tuple[Sequence[View], Sequence[Cut], PanoramaStrip | None] | FrameRecord
+"""Of a frame: views, cuts and a strip, or what was kept of it."""
+
+
+def recordings(passes: Sequence[Pass]) -> dict[str, Hashable]:
+    """By name, in which recording a pass's times are: a video, or a folder of pictures at one rate. Frames of one
+    recording with one time are one picture, whichever pass they belong to."""
+    sources = [(row_pass.video, row_pass.rate) if is_folder(row_pass.video) else row_pass.video for row_pass in passes]
+    return dict(zip(pass_names(passes), sources, strict=True))
+
+
+def frames_of(passes: Sequence[Pass]) -> int:
+    """Roughly how many panoramas passes give, those that are the same frames once; 1 where one cannot be read, which
+    the drive will tell."""
+    clips = {row_pass.footage: row_pass.clip for row_pass in passes}.values()
+    try:
+        return sum(expected_frames(clip, probe(clip.path, clip.images_fps)) for clip in clips)
+    except VideoError:
+        return 1
+
+
+def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[WalkedRow | SavmapError]:
+    """Walk once along all footage in which rows are seen. A row that cannot be measured comes back as its error: a
+    SiteError, VideoError, ModelError, PluginError, or a StructureError where a pass has too few frames."""
+    renderer = Renderer()
+    planned = each(requests, lambda row: _planned(row, renderer, monitor))
+    networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
+    segmenters = SegmenterPool(networks)
+    walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
+    for footage in dict.fromkeys(row_pass.footage for request in requests for row_pass in request.passes):
+        seen = [row for row in walks if isinstance(row, RowWalk) and footage in row.passes]
+        begun = each(seen, lambda row: row.begin(*row.passes[footage], monitor))
+        failures = {id(row): error for row, error in zip(seen, begun, strict=True) if isinstance(error, SavmapError)}
+        rows = [row for row in seen if id(row) not in failures]
+        if rows:
+            failures |= _driven(rows[0].plan.clip, rows, renderer, monitor)
+        walks = [failures.get(id(row), row) for row in walks]
+    return each(walks, lambda row: row.walked())
+
+
+def _planned(row: RowRequest, renderer: Renderer, monitor: Monitor) -> Planned:
+    """Choose the networks, and the views of the first pass."""
+    if row.plugins and all(plugin.needs_path for plugin in row.plugins):
+        require_path(row.name, row.plugins[0], row.path)
+    name, row_pass = pass_names(row.passes)[0], row.passes[0]
+    monitor.note(f"row {row.name}, {name}: choosing the views")
+    plugins, plan = with_best_networks(name, row_pass, row.plugins, renderer, row.attitudes.get(name))
+    return row, plugins, plan
+
+
+def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
+    """Raise StructureError where a plugin that cannot locate the camera would be asked to track without the camera's
+    path."""
+    if plugin.needs_path and path is None:
+        raise StructureError(
+            f"row {row}: `{plugin.name}` alone does not locate the camera: add a plugin that maps the face "
+            f"(--plugins NAME,{plugin.name}), or give an earlier map with --trajectory"
+        )
+
+
+def _driven(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> dict[int, SavmapError]:
+    """Drive along a clip; the errors of rows that cannot be measured, by the identity of their walks."""
+    names = f"row {rows[0].name}" if len(rows) == 1 else f"rows {' and '.join(row.name for row in rows)}"
+    report, text = DecodeReport(), f"{names}, {rows[0].plan.name}: measuring"
+    with Drive(rows, renderer) as drive:
+        try:
+            total = expected_frames(clip, probe(clip.path, clip.images_fps))
+            with prefetch(panoramas(clip, 0, report), 1) as frames:
+                for panorama in monitor.each(frames, text, total):
+                    drive.add(panorama)
+                    if not drive.rows:
+                        break
+            drive.finish(report)
+        except VideoError as error:
+            drive.failures |= {id(row): error for row in drive.rows}
+        for row in drive.rows:
+            for note in row.notes:
+                monitor.note(note)
+        return drive.failures
+
+
+class Drive:
+    """Footage that is walked along once, for all rows that are seen in it. `add` takes the frames in order, and needs
+    none of those that follow; `finish` ends it. Views are rendered and segmented ahead of their turn by other threads.
+
+    `rows`: the walks that still go on. `failures`: the errors of the others, by the identity of their walks.
+    """
+
+    def __init__(self, rows: "Sequence[RowWalk]", renderer: Renderer) -> None:
+        self.rows, self.renderer = list(rows), renderer
+        self.failures: dict[int, SavmapError] = {}
+        self._watch = PassWatch()
+        self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
+        self._ahead: deque[tuple[Panorama, Future[dict[int, Rendered | SavmapError]]]] = deque()
+
+    def __enter__(self) -> "Drive":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def add(self, panorama: Panorama) -> None:
+        """Take the next frame; its number is that in the drive."""
+        self._ahead.append((panorama, self._pool.submit(self._rendered, panorama, tuple(self.rows))))
+        if len(self._ahead) >= DEPTH:
+            self._take()
+
+    def snapshot(self) -> list[WalkedRow]:
+        """What was measured of each row that goes on, up to the last frame."""
+        while self._ahead:
+            self._take()
+        return [row.walked() for row in self.rows]
+
+    def finish(self, report: DecodeReport) -> None:
+        """End the drive, of whose frames the report tells."""
+        while self._ahead:
+            self._take()
+        self._for_each_row(lambda row: row.end(report, self._watch.steps))
+
+    def _take(self) -> None:
+        panorama, future = self._ahead.popleft()
+        rendered = future.result()
+        self._watch.update(panorama)
+
+        def take(row: "RowWalk") -> None:
+            shown = rendered[id(row)]
+            if isinstance(shown, SavmapError):
+                raise shown
+            row.take(numbered(panorama, row.first), shown)
+
+        self._for_each_row(take)
+
+    def _for_each_row(self, step: "Callable[[RowWalk], None]") -> None:
+        failed = {
+            id(row): error
+            for row, error in zip(self.rows, each(self.rows, step), strict=True)
+            if isinstance(error, SavmapError)
+        }
+        self.failures |= failed
+        self.rows = [row for row in self.rows if id(row) not in failed]
+
+    def _rendered(self, panorama: Panorama, rows: "Sequence[RowWalk]") -> dict[int, Rendered | SavmapError]:
+        """What each row needs of a panorama; a view that several ask for is rendered once."""
+        views: dict[ViewSpec, View] = {}
+        shown = each(rows, lambda row: row.render(numbered(panorama, row.first), views))
+        return {id(row): item for row, item in zip(rows, shown, strict=True)}
+
+
+def numbered(panorama: Panorama, first: int) -> Panorama:
+    """A panorama of a drive with its number in a row, whose first frame of the drive has this one."""
+    if not first:
+        return panorama
+    frame = first + panorama.frame
+    if isinstance(panorama, FilmedPanorama):
+        return FilmedPanorama(frame, panorama.stamp_s, panorama.planes)
+    return replace(panorama, frame=frame)
+
+
+class RowWalk:
+    """What is measured of one row, pass by pass. Of frames that the journal has from an earlier run only points and
+    markers are followed."""
+
+    def __init__(self, planned: Planned, segmenters: SegmenterPool, renderer: Renderer, journal: Journal) -> None:
+        self.request, self.plugins, first_plan = planned
+        self.name, self.journal = self.request.name, journal
+        self.segmenters, self.renderer = segmenters, renderer
+        names = zip(pass_names(self.request.passes), self.request.passes, strict=True)
+        self.passes: Mapping[Footage, tuple[str, Pass]] = {
+            row_pass.footage: (name, row_pass) for name, row_pass in names
+        }
+        self.plan, self._first_plan = first_plan, first_plan
+        self.first = 0
+        """The number of the drive's first frame in the row."""
+        markers = self.request.gauge_references.markers
+        self.markers = MarkerTracker([(marker.dictionary, marker.number) for marker in markers])
+        self.flow = FlowTracker() if self.request.appearance else NullFlowTracker()
+        self.floor, self.face = FloorCutter(renderer), FaceStrips(renderer)
+        self.cutters: list[StripCutter] = [self.floor]
+        self.cutters += [self.face] if self.request.strips else []
+        self.cutters += [Stills()] if self.request.stills else []
+        self.stamps: list[float] = []
+        self.pass_of: list[str] = []
+        self.views: dict[str, ViewSpec] = {}
+        self.travel: dict[str, int] = {}
+        self.attitudes: dict[str, Floats] = {}
+        self.features: dict[str, list[Feature]] = {plugin.name: [] for plugin in self.plugins}
+        self.packed_views: dict[str, list[PackedView]] = {
+            plugin.name: [] for plugin in self.plugins if plugin.has("planes")
+        }
+        self.locators: set[str] = set()
+        self.notes: list[str] = [
+            *segmenters.notes,
+            *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
+        ]
+        self.cuts: list[Cut] = []
+        self.doubts: list[Doubt] = []
+        self.skipped = 0
+        self._region: Region | None = None
+
+    def begin(self, name: str, row_pass: Pass, monitor: Monitor) -> None:
+        """Begin a pass: choose its views."""
+        if name == self._first_plan.name:
+            self.plan = self._first_plan
+        else:
+            monitor.note(f"row {self.name}, {name}: choosing the views")
+            attitude = self.request.attitudes.get(name)
+            self.plan, _ = plan_pass(name, row_pass, self.plugins, self.segmenters, self.renderer, attitude)
+        self.first, self._region = len(self.pass_of), None
+        self.views |= {spec.name: spec for spec in self.plan.views().values()}
+        self.travel[name] = self.plan.travel()
+        attitude = self.plan.attitude()
+        if attitude is not None:
+            self.attitudes[name] = attitude
+        self.locators |= self.plan.locators()
+        for cutter in self.cutters:
+            cutter.begin(self.plan, next((name for name in self.packed_views if self.plan.plans[name].views), None))
+
+    def render(self, panorama: Panorama, views: dict[ViewSpec, View]) -> Rendered:
+        """A panorama's views, about which the networks have been asked, what is cut of it, and its strip; its record,
+        if an earlier run kept it. `views` has those that were rendered for other rows, by their direction and size."""
+        record = self.journal.get(FrameRecord, self.name, panorama.frame)
+        if record is not None:
+            return record
+        shown = [self._view(panorama, spec, views) for spec in self.plan.plugins_by_view if spec.shows(panorama.frame)]
+        for view in shown:
+            for plugin in self._plugins_at(view):
+                self.segmenters.prefetch(plugin, view)
+        cuts = [cut for cutter in self.cutters for cut in cutter.cut(panorama)]
+        return shown, cuts, self._strip(panorama)
+
+    def take(self, panorama: Panorama, rendered: Rendered) -> None:
+        """Measure in a frame, the next one. Plugins are asked by one thread, in order."""
+        self.stamps.append(panorama.stamp_s)
+        self.pass_of.append(self.plan.name)
+        self.markers.update(panorama)
+        if isinstance(rendered, FrameRecord):
+            record, followed = rendered, tuple[View, ...]()
+            if not isinstance(self.flow, NullFlowTracker):
+                specs = [spec for spec in self.plan.plugins_by_view if spec.shows(panorama.frame)]
+                followed = tuple(self.renderer.render(panorama, spec) for spec in specs)
+        else:
+            followed, cuts, strip = tuple(rendered[0]), *rendered[1:]
+            record = self._measured(panorama, followed, cuts)
+            if strip is not None:
+                self.journal.add(strips_of(self.name), panorama.frame, strip)
+            if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
+                self.journal.add(self.name, panorama.frame, record)
+        for view in followed:
+            if self.plan.locators().intersection(self.plan.plugins_by_view[view.spec]):
+                self.flow.update(view)
+        for name, features in self.features.items():
+            features += record.features.get(name, ())
+        for name, packed_views in self.packed_views.items():
+            packed_views += record.packed_views.get(name, ())
+        self.cuts += record.cuts
+
+    def end(self, report: DecodeReport, steps: Steps) -> None:
+        """End a pass, of whose frames the report tells, and how the camera moved from each to the next."""
+        plan, count = self.plan, len(self.pass_of) - self.first
+        if count < MIN_FRAMES:
+            raise StructureError(too_few(plan.clip, count, plan.name))
+        self.doubts += [*plan.doubts, *require_course(plan.name, plan.clip.path, steps, plan.attitude(), plan.side)]
+        self.notes += [note for views in plan.plans.values() for note in views.notes]
+        self.skipped += report.skipped
+        if not report.complete:
+            self.notes.append(f"{plan.clip.path}: {report.text()}")
+
+    def walked(self) -> WalkedRow:
+        """What was measured so far."""
+        failures = failed(self.plugins)
+        return WalkedRow(
+            self.request,
+            RowMeasurements(
+                facts=RowFacts(
+                    self.name, FrameTable(np.array(self.stamps), tuple(self.pass_of)), self.views, self.travel
+                ),
+                features={name: [] if name in failures else list(found) for name, found in self.features.items()},
+                attitudes={**self.attitudes, **self.request.attitudes},
+                locators=frozenset(self.locators),
+                notes=(*self.notes, *map(left_out, failures.values())),
+                marks=self.markers.marks,
+                flows=self.flow.flows,
+                failed=failures,
+                doubts=tuple(self.doubts),
+                skipped=self.skipped,
+            ),
+            strips=RowStrips(self.face.views, self._cuts_of(Strip), self._cuts_of(Still)),
+            plugins=self.plugins,
+            packed_views=self.packed_views,
+            journal=self.journal,
+            floor=self._cuts_of(PackedView),
+            floor_views=self.floor.views,
+        )
+
+    def _cuts_of(self, kind: type[CutKind]) -> tuple[CutKind, ...]:
+        """What was cut of one kind, in the order of the frames."""
+        return tuple(cut for cut in self.cuts if isinstance(cut, kind))
+
+    def _view(self, panorama: Panorama, spec: ViewSpec, views: dict[ViewSpec, View]) -> View:
+        """A view of a panorama, rendered unless another row asked for one with this direction and size."""
+        key = replace(spec, name="", every=1)
+        if key not in views:
+            views[key] = self.renderer.render(panorama, spec)
+        return View(spec, panorama.frame, panorama.stamp_s, views[key].image)
+
+    def _strip(self, panorama: Panorama) -> PanoramaStrip | None:
+        """The part of a panorama that is shown to plugins whose structure lies in planes: its edges may be measured
+        once more."""
+        specs = [spec for (plugin, _), spec in self.plan.views().items() if plugin in self.packed_views]
+        if not any(spec.shows(panorama.frame) for spec in specs):
+            return None
+        region = self._region or region_of(specs, panorama.height)
+        self._region = region
+        return PanoramaStrip.of(panorama, region)
+
+    def _measured(self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]) -> FrameRecord:
+        """All plugins' features in a frame's views, and these packed."""
+        features: dict[str, list[Feature]] = {name: [] for name in self.features}
+        packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
+        for view in views:
+            for plugin in self._plugins_at(view):
+                detections = self.segmenters.detect(plugin, view)
+                features[plugin.name] += plugin.extract_features(view, detections, panorama)
+                if plugin.name in packed_views:
+                    seen = self.segmenters.predict(plugin, view)
+                    packed_views[plugin.name].append(PackedView.of(view, seen))
+        return FrameRecord(features, packed_views, cuts)
+
+    def _plugins_at(self, view: View) -> list[LoadedPlugin]:
+        return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]
