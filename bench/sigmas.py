@@ -8,7 +8,6 @@ errors' root mean square, which should be 0.7 to 1.4. What was measured in the p
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,11 @@ import numpy as np
 from bench.baseline import Figures
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_bytes
+from savmap.files.journal import Journal
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.tasks import request_for
 from savmap.maps.survey import read_survey
-from savmap.pipeline.records import RowMeasurements
+from savmap.pipeline.records import MeasuredRow, RowMeasurements
 from savmap.pipeline.row import map_rows, measure
 from savmap.site.job import job_for
 from savmap.types import Floats, RowMap, Structure
@@ -45,10 +45,13 @@ def mapped(site: Path, keep: Path | None) -> tuple[RowMap, Mapping[str, Any]]:
     if kept is not None and kept.is_file():
         measurements = unpacked(kept.read_bytes(), RowMeasurements)
     else:
-        measurements = measure(request, monitor).measurements
+        (measured,) = measure([request], Journal(), monitor)
+        if isinstance(measured, SavmapError):
+            raise measured
+        measurements = measured.measurements
         if kept is not None:
             write_bytes(kept, packed(measurements))
-    row = map_rows([replace(request, measurements=measurements)], monitor)[0]
+    row = map_rows([MeasuredRow(request, measurements)], monitor)[0]
     if isinstance(row, SavmapError):
         raise row
     return row, read_survey(job.site.survey).rows[name]

@@ -3,9 +3,11 @@ it stood. What was kept is read from its part when it is asked for, so that memo
 
 import json
 import logging
+import shutil
 import tempfile
 import threading
 import time
+import weakref
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,7 +44,8 @@ class TemporaryParts:
     """Parts in a folder that is removed once nobody asks for them any more."""
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="savmap-", ignore_cleanup_errors=True)
+        self._folder = Path(tempfile.mkdtemp(prefix="savmap-"))
+        weakref.finalize(self, shutil.rmtree, self._folder, True)
 
     def load(self, part: int) -> bytes | None:
         path = self._path(part)
@@ -60,7 +63,7 @@ class TemporaryParts:
         return there
 
     def _path(self, part: int) -> Path:
-        return Path(self._folder.name) / str(part)
+        return self._folder / str(part)
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,14 +84,21 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     segmenters = SegmenterPool(networks)
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
     for footage in dict.fromkeys(row_pass.footage for request in requests for row_pass in request.passes):
-        seen = [row for row in walks if isinstance(row, RowWalk) and footage in row.passes]
-        begun = each(seen, lambda row: row.begin(*row.passes[footage], monitor))
-        failures = {id(row): error for row, error in zip(seen, begun, strict=True) if isinstance(error, SavmapError)}
-        rows = [row for row in seen if id(row) not in failures]
-        if rows:
-            failures |= _driven(rows[0].plan.clip, rows, renderer, monitor)
+        rows = [row for row in walks if isinstance(row, RowWalk) and footage in row.passes]
+        failures = _drive_through(footage, rows, renderer, monitor)
         walks = [failures.get(id(row), row) for row in walks]
     return each(walks, lambda row: row.walked())
+
+
+def _drive_through(
+    footage: Footage, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor
+) -> dict[int, SavmapError]:
+    """Measure one pass of rows, which is the same footage; the errors of those that cannot be measured, by the identity
+    of their walks."""
+    begun = each(rows, lambda row: row.begin(*row.passes[footage], monitor))
+    failures = {id(row): error for row, error in zip(rows, begun, strict=True) if isinstance(error, SavmapError)}
+    sound = [row for row in rows if id(row) not in failures]
+    return failures | (drive_along(sound[0].plan.clip, sound, renderer, monitor) if sound else {})
 
 
 def _planned(row: RowRequest, renderer: Renderer, monitor: Monitor) -> Planned:
@@ -114,7 +121,7 @@ def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> Non
         )
 
 
-def _driven(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> dict[int, SavmapError]:
+def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> dict[int, SavmapError]:
     """Drive along a clip; the errors of rows that cannot be measured, by the identity of their walks."""
     names = f"row {rows[0].name}" if len(rows) == 1 else f"rows {' and '.join(row.name for row in rows)}"
     report, text = DecodeReport(), f"{names}, {rows[0].plan.name}: measuring"

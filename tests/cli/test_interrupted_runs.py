@@ -2,17 +2,24 @@
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from savmap.cli.app import main
+from savmap.errors import SavmapError
 from savmap.files import journal as journals
-from savmap.files.journal import Parts
+from savmap.files.journal import Journal
 from savmap.jobs import tasks
-from savmap.jobs.cache import FolderCache, StoredRecord
-from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements
+from savmap.jobs.cache import FolderCache
+from savmap.jobs.map_site import map_job_into
+from savmap.jobs.scheduler import RunOptions
+from savmap.pipeline.records import FrameRecord, MeasuredRow, RowMeasurements, RowRequest
+from savmap.site.job import job_for
 from savmap.types import FrameTable, RowFacts
+from savmap.types.progress import Monitor, SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
 from ..video.made_up_video import evenly, write_video
@@ -27,15 +34,15 @@ rows:
 EARLIER: dict[str, int] = {}
 
 
-def measure_task(job: object, row: str, *_: object, frames: Parts | None, **__: object) -> tasks.TaskResult:
+def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[SavmapError]:
     """Row A is measured at once; row B is interrupted after three more frames."""
-    with FrameJournal(FrameRecord, frames) as journal:
-        EARLIER[row] = journal.count
-        if row == "B":
-            for frame in range(journal.count, journal.count + 3):
-                journal.add("measuring", frame, FrameRecord({}))
-            raise KeyboardInterrupt
-    return tasks.TaskResult({row: tasks.Failure(tasks.SavmapError("nothing is there"))})
+    (row,) = (request.name for request in requests)
+    EARLIER[row] = journal.earlier[row]
+    if row == "B":
+        for frame in range(EARLIER[row], EARLIER[row] + 3):
+            journal.add(row, frame, FrameRecord({}))
+        raise KeyboardInterrupt
+    return [SavmapError("nothing is there")]
 
 
 @pytest.fixture
@@ -45,7 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "site.yaml").write_text(SITE, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
-    monkeypatch.setattr(tasks, "measure_task", measure_task)
+    monkeypatch.setattr(tasks, "measure", measure)
     return tmp_path
 
 
@@ -74,23 +81,18 @@ def test_interrupt_says_what_is_kept_and_how_to_go_on(
 
 
 def test_frames_are_forgotten_when_their_row_is_measured(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from savmap.errors import SavmapError
-    from savmap.jobs.map_site import map_job_into
-    from savmap.jobs.scheduler import RunOptions
-    from savmap.site.job import job_for
-    from savmap.types.progress import SilentMonitor
+    def measured(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow]:
+        (request,) = requests
+        journal.add(request.name, 0, FrameRecord({}))
+        written = [path.name for path in (folder / "out" / "stages" / request.name).iterdir()]
+        assert sorted(written) == ["frames-0", "frames-1"]
+        facts = RowFacts(request.name, FrameTable(np.zeros(1), ("pass 1",)), {}, {})
+        return [MeasuredRow(request, RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {})))]
 
-    def measured(job: object, row: str, *_: object, frames: Parts, **__: object) -> tasks.TaskResult:
-        with FrameJournal(FrameRecord, frames) as journal:
-            journal.add("measuring", 0, FrameRecord({}))
-        assert [path.name for path in (folder / "out" / "stages" / row).iterdir()] == ["frames-1", "frames-0"]
-        facts = RowFacts(row, FrameTable([0.0], ("pass 1",)), {}, {})  # type: ignore[arg-type]
-        record = RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {}))
-        return tasks.TaskResult({row: StoredRecord(RowMeasurements, record)})
-
-    monkeypatch.setattr(tasks, "measure_task", measured)
+    monkeypatch.setattr(tasks, "measure", measured)
     job = job_for(folder / "site.yaml", None, folder / "out")
     with pytest.raises(SavmapError):
         map_job_into(job, RunOptions(0), SilentMonitor())
-    assert sorted(path.name for path in (folder / "out" / "stages").rglob("*") if path.is_file()) == ["measured"] * 2
+    kept = {path.name for path in (folder / "out" / "stages").rglob("*") if path.is_file()}
+    assert kept == {"measured", "strips"}
     assert FolderCache(folder / "out").frames("A", "key").load(0) is None

@@ -36,7 +36,7 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> Shelf:
     """Three records in three parts."""
     monkeypatch.setattr(module, "KEEP_S", 0.0)
     shelf = Shelf({})
-    with Journal(ViewSpec, shelf) as journal:
+    with Journal(shelf) as journal:
         journal.add("walk", 4, FIRST)
         journal.add("walk", 5, SECOND)
         journal.add("look", 4, SECOND)
@@ -44,14 +44,14 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> Shelf:
 
 
 def records(parts: Parts) -> list[ViewSpec | None]:
-    journal = Journal(ViewSpec, parts)
-    return [journal.get(*place) for place in (("walk", 4), ("walk", 5), ("look", 4), ("look", 5))]
+    journal = Journal(parts)
+    return [journal.get(ViewSpec, *place) for place in (("walk", 4), ("walk", 5), ("look", 4), ("look", 5))]
 
 
 def test_what_was_kept_is_there_again(kept: Shelf) -> None:
     assert records(kept) == [FIRST, SECOND, SECOND, None]
     assert counts(kept) == {"walk": 2, "look": 1}
-    with Journal(ViewSpec, kept) as journal:
+    with Journal(kept) as journal:
         journal.add("look", 5, FIRST)
     assert records(kept)[3] == FIRST
     assert counts(kept) == {"walk": 2, "look": 2}
@@ -61,7 +61,7 @@ def test_records_wait_for_their_part_and_are_kept_at_the_end() -> None:
     shelf, seen = Shelf({}), list[int]()
 
     def walk() -> None:
-        with Journal(ViewSpec, shelf) as journal:
+        with Journal(shelf) as journal:
             journal.add("walk", 4, FIRST)
             seen.append(len(shelf.parts))
             raise KeyboardInterrupt
@@ -84,15 +84,37 @@ def test_what_is_behind_a_damaged_part_is_forgotten(kept: Shelf, damage: bytes |
 
 
 def test_records_of_another_kind_are_not_used(kept: Shelf) -> None:
-    assert Journal(Still, kept).count == 0
+    with pytest.raises(ValueError, match="not a stored Still"):
+        Journal(kept).get(Still, "walk", 4)
 
 
 def test_a_full_disk_ends_the_keeping_not_the_work(kept: Shelf) -> None:
     kept.full = True
-    with Journal(ViewSpec, kept) as journal:
+    with Journal(kept) as journal:
         journal.add("walk", 6, FIRST)
         journal.add("walk", 7, FIRST)
-    assert Journal(ViewSpec, kept).count == 3
+        assert journal.get(ViewSpec, "walk", 6) == FIRST
+    assert Journal(kept).earlier.total() == 3
+
+
+def test_a_part_is_written_before_much_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEEP_BYTES", 1)
+    shelf = Shelf({})
+    journal = Journal(shelf)
+    journal.add("walk", 4, FIRST)
+    assert sorted(shelf.parts) == [0, 1]
+    assert journal.get(ViewSpec, "walk", 4) == FIRST
+
+
+def test_without_parts_records_last_as_long_as_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEEP_S", 0.0)
+    journal = Journal()
+    folder = journal._parts._folder  # type: ignore[attr-defined]
+    journal.add("walk", 4, FIRST)
+    assert journal.get(ViewSpec, "walk", 4) == FIRST
+    assert list(folder.iterdir())
+    del journal
+    assert not folder.exists()
 
 
 def test_forgotten_parts_are_dropped(kept: Shelf) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import ModelError, SavmapError
+from savmap.files.journal import Journal
 from savmap.jobs import check as checking
 from savmap.jobs.check import FRAMES, CheckError, ResourceEstimate, check, duration, resource_estimate
 from savmap.maps.run_record import RowRun, RunLog, write_log
@@ -268,10 +269,11 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
             time.sleep(0.2 if number < 2 else 0.01)
             yield number
 
-    def measured(row: RowRequest, monitor: Monitor) -> MeasuredRow:
+    def measured(rows: list[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow]:
+        (row,) = rows
         seen = list(monitor.each(frames(), "measuring"))
         facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {})))
+        return [MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {})))]
 
     found: list[ResourceEstimate] = []
 

@@ -1,24 +1,23 @@
 """Orthophotos in a run: made once, kept, made again where the map changes; a row without one is mapped all the same."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
 from savmap.errors import SavmapError
-from savmap.files.journal import Parts
+from savmap.files.journal import Journal
 from savmap.jobs import tasks
-from savmap.jobs.cache import FolderCache, NoCache, RowCache, StoredRecord
+from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.map_site import write_photo
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
-from savmap.jobs.tasks import Failure, RowPicture, TaskResult
-from savmap.pipeline.records import RowMeasurements
+from savmap.jobs.tasks import RowPicture
+from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
 from savmap.report.page import Report
-from savmap.site.job import Job, job_for
+from savmap.site.job import job_for
 from savmap.types import (
     FrameTable,
     Orthophoto,
@@ -30,7 +29,7 @@ from savmap.types import (
     Strip,
     Trajectory,
 )
-from savmap.types.progress import NoteCollector
+from savmap.types.progress import Monitor, NoteCollector
 from savmap.vision.markers import MarkerTracks
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
@@ -42,43 +41,38 @@ PHOTO = Orthophoto(np.zeros(3), np.eye(3)[0], np.eye(3)[1], 0.005, 4, 3, GREY)
 
 @dataclass
 class Work:
-    """Tasks that do nothing, and a note of each that was asked for."""
+    """Steps that do nothing, and a note of each that was asked for."""
 
     done: list[str] = field(default_factory=list)
     photo: Orthophoto | None = PHOTO
     failure: SavmapError | None = None
 
-    def measure(
-        self, job: Job, row: str, *_: object, with_strips: bool = False, frames: Parts | None = None
-    ) -> TaskResult:
-        self.done.append("measured with strips" if with_strips else "measured")
-        marks = MarkerTracks((), {})
-        seen = RowMeasurements(RowFacts(row, TABLE, {}, {}), dict.fromkeys(job.plugins, ()), {}, frozenset(), (), marks)
-        strips = {row: StoredRecord(RowStrips, RowStrips({}, (Strip(0, "face", np.zeros(2, np.uint8)),)))}
-        records = {row: StoredRecord(RowMeasurements, seen)}
-        return TaskResult(records, seconds=1.0, plugins_failed={row: {}}, strips=strips if with_strips else {})
+    def measure(self, requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow]:
+        (request,) = requests
+        self.done.append("measured with strips" if request.strips else "measured")
+        marks, facts = MarkerTracks((), {}), RowFacts(request.name, TABLE, {}, {})
+        seen = RowMeasurements(facts, {plugin.name: () for plugin in request.plugins}, {}, frozenset(), (), marks)
+        return [MeasuredRow(request, seen, strips=RowStrips({}, (Strip(0, "face", np.zeros(2, np.uint8)),)))]
 
-    def solve(self, job: Job, measured: Mapping[str, Any], *_: object) -> TaskResult:
+    def solve(self, measured: Sequence[MeasuredRow], monitor: Monitor) -> list[RowMap]:
         self.done.append("solved")
         path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
-        maps = {row: StoredRecord(RowMap, RowMap(row, TABLE, {}, path, {}, (), face=FACE)) for row in measured}
-        return TaskResult(maps, seconds=1.0, plugins_failed={row: {} for row in measured})
+        return [RowMap(row.request.name, TABLE, {}, path, {}, (), face=FACE) for row in measured]
 
-    def picture(self, job: Job, rows: Mapping[str, Any], *_: object) -> TaskResult:
+    def picture(self, row: RowMap, strips: RowStrips) -> RowPicture:
         self.done.append("pictured")
-        (row,) = rows
-        assert len(rows[row][1].record.strips) == 1
+        assert len(strips.strips) == 1
         if self.failure:
-            return TaskResult({row: Failure(self.failure)})
-        return TaskResult({row: StoredRecord(RowPicture, RowPicture(self.photo))}, seconds=1.0)
+            raise self.failure
+        return RowPicture(self.photo)
 
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> Work:
-    own = Work()
-    for name in ("measure", "solve", "picture"):
-        monkeypatch.setattr(tasks, f"{name}_task", getattr(own, name))
-    return own
+    steps = Work()
+    for name, step in (("measure", steps.measure), ("map_rows", steps.solve), ("picture_of", steps.picture)):
+        monkeypatch.setattr(tasks, name, step)
+    return steps
 
 
 def run(
@@ -150,14 +144,10 @@ def test_row_without_a_picture_is_mapped_all_the_same(work: Work, tmp_path: Path
     assert "row A: no orthophoto: no room" in notes.lines
 
 
-def test_row_whose_face_is_not_known_has_no_picture(tmp_path: Path) -> None:
+def test_row_whose_face_is_not_known_has_no_picture() -> None:
     path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
-    mapped = StoredRecord(RowMap, RowMap("A", TABLE, {}, path, {}, ()))
-    rows = {"A": (mapped, StoredRecord(RowStrips, RowStrips()))}
-    result = tasks.picture_task(job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path), rows)
-    record = result.records["A"]
-    assert isinstance(record, StoredRecord)
-    assert record.record.orthophoto is None
+    mapped = RowMap("A", TABLE, {}, path, {}, ())
+    assert tasks.picture_of(mapped, RowStrips()).orthophoto is None
 
 
 def test_old_picture_does_not_stay_beside_a_map_without(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ from itertools import islice
 import pytest
 
 from savmap.jobs import run_clock
-from savmap.jobs.run_clock import FrameCost, RunClock
-from savmap.types.progress import Monitor, SilentMonitor
+from savmap.jobs.run_clock import FrameCost, RunClock, Walk
+from savmap.types.progress import SilentMonitor
 
 FRAME_S, PLAN_S = 0.5, 14.0
 
@@ -30,59 +30,49 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     return made
 
 
-def run(
-    clock: RunClock, machine: Machine, names: str, frames: int, shares: dict[str, float], looks: int = 0
-) -> Iterator[None]:
+def walks(names: str, frames: int) -> dict[tuple[str, ...], Walk]:
+    return {(name,): Walk(frames, 1) for name in names}
+
+
+def run(clock: RunClock, machine: Machine, names: str, frames: int, share: float) -> Iterator[None]:
     """All rows, one after the other, with a moment to look at the clock after each bit of work."""
-
-    def begun(stage: str, name: str) -> Monitor:
-        return clock.task((stage, (name,)), lambda: machine.processor)
-
     for name in names:
-        monitor = begun("measured", name)
+        monitor = clock.task((name,), lambda: machine.processor)
         machine.work(PLAN_S)
         for _ in monitor.each(range(frames), "measuring", frames):
             machine.work(FRAME_S)
             yield
-        for look in range(looks + 1):
-            for _ in range(10):
-                machine.work(shares["measured"] * frames * FRAME_S / 10)
-                yield
-            if look < looks:
-                for _ in monitor.each(range(frames), "looking again", frames):
-                    machine.work(FRAME_S)
-        clock.end("measured", name)
-        for stage in ("solved", "pictured"):
-            begun(stage, name)
-            machine.work(shares[stage] * frames * FRAME_S)
-            clock.end(stage, name)
+        for _ in range(20):
+            machine.work(share * frames * FRAME_S / 20)
             yield
+        clock.end((name,))
+        yield
     machine.work(len(names) * run_clock.DRAWN * frames * FRAME_S)
 
 
 @pytest.mark.parametrize("names", ["A", "AB", "ABCDE"])
 @pytest.mark.parametrize("factor", [0.85, 1.0, 1.2])
 def test_the_rest_of_a_run_is_told_to_a_third(names: str, factor: float, machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys(names, (100, 1)), names, SilentMonitor(), pictures=True)
+    clock = RunClock(walks(names, 100), SilentMonitor(), pictures=True)
     assert clock.left_s(1) is None
-    shares = {stage: factor * share for stage, share in run_clock.SHARES.items()}
-    told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, names, 100, shares)]
-    for share in (0.2, 0.4, 0.6, 0.8):
-        now, left = min(told, key=lambda one: abs(one[0] - share * machine.now))
+    share = factor * sum(run_clock.SHARES.values())
+    told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, names, 100, share)]
+    for moment in (0.2, 0.4, 0.6, 0.8):
+        now, left = min(told, key=lambda one: abs(one[0] - moment * machine.now))
         assert left == pytest.approx(machine.now - now, rel=1 / 3)
 
 
-def test_stages_that_were_seen_count_more_than_the_shares(machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys("ABC", (50, 1)), "ABC", SilentMonitor(), pictures=True)
-    shares = {stage: 4 * share for stage, share in run_clock.SHARES.items()}
-    told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, "ABC", 50, shares)]
+def test_rows_that_were_seen_count_more_than_the_shares(machine: Machine) -> None:
+    clock = RunClock(walks("ABC", 50), SilentMonitor(), pictures=True)
+    share = 4 * sum(run_clock.SHARES.values())
+    told = [(machine.now, clock.left_s(1)) for _ in run(clock, machine, "ABC", 50, share)]
     now, left = min(told, key=lambda one: abs(one[0] - 0.5 * machine.now))
     assert left == pytest.approx(machine.now - now, rel=0.1)
 
 
 def test_rows_are_shared_among_workers(machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys("ABCD", (100, 1)), "ABCD", SilentMonitor(), pictures=False)
-    monitor = clock.task(("measured", ("A",)), lambda: machine.processor)
+    clock = RunClock(walks("ABCD", 100), SilentMonitor(), pictures=False)
+    monitor = clock.task(("A",), lambda: machine.processor)
     for _ in monitor.each(range(20), "measuring", 100):
         machine.work(FRAME_S)
     (one, two, four) = (clock.left_s(workers) for workers in (1, 2, 4))
@@ -91,26 +81,10 @@ def test_rows_are_shared_among_workers(machine: Machine) -> None:
     assert four is not None
     assert one > 1.6 * two > 2.4 * four
     for name in "BCD":
-        clock.skip(name, "measured", "solved")
+        clock.end((name,))
     alone = clock.left_s(4)
     assert alone is not None
     assert alone < four
-
-
-def test_a_second_look_is_counted_while_it_is_taken(machine: Machine) -> None:
-    clock = RunClock({"A": (100, 1)}, "A", SilentMonitor(), pictures=False)
-    monitor = clock.task(("measured", ("A",)), lambda: machine.processor)
-    for _ in monitor.each(range(100), "measuring", 100):
-        machine.work(FRAME_S)
-    before = clock.left_s(1)
-    steps = monitor.each(range(100), "looking again", 100)
-    next(steps)
-    during = clock.left_s(1)
-    assert before is not None
-    assert during is not None
-    assert (
-        0.8 * 100 * FRAME_S < during - before + 0.5 * run_clock.SHARES["measured"] * 100 * FRAME_S < 1.1 * 100 * FRAME_S
-    )
 
 
 def test_work_for_one_core_takes_the_processor_s_time() -> None:
@@ -118,19 +92,9 @@ def test_work_for_one_core_takes_the_processor_s_time() -> None:
     assert FrameCost.of([(0.0, 0.0), (1.0, 0.6), (2.0, 1.2)]) == FrameCost(1.0, 1.0)
 
 
-def test_rows_that_are_solved_together_take_one_worker(machine: Machine) -> None:
-    clock = RunClock(dict.fromkeys("AB", (100, 1)), ["AB"], SilentMonitor(), pictures=False)
-    for name in "AB":
-        for _ in clock.task(("measured", (name,)), lambda: machine.processor).each(range(100), "measuring", 100):
-            machine.work(FRAME_S)
-        clock.end("measured", name)
-    shares = run_clock.SHARES["solved"] + run_clock.DRAWN
-    assert clock.left_s(2) == pytest.approx(200 * shares * FRAME_S, rel=0.05)
-
-
 def test_frames_that_were_kept_tell_nothing_of_the_others(machine: Machine) -> None:
-    clock = RunClock({"A": (100, 1)}, "A", SilentMonitor(), pictures=False)
-    steps = clock.task(("measured", ("A",)), lambda: machine.processor).each(range(100), "measuring", 100)
+    clock = RunClock(walks("A", 100), SilentMonitor(), pictures=False)
+    steps = clock.task(("A",), lambda: machine.processor).each(range(100), "measuring", 100)
     for number in islice(steps, 60):
         machine.work(FRAME_S if number >= 50 else FRAME_S / 20)
     left = clock.left_s(1)

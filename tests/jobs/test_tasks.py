@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.jobs.tasks import warnings_as_notes, with_notes
-from savmap.pipeline.measure import recordings
+from savmap.pipeline.drive import recordings
 from savmap.site.model import Pass
 from savmap.types import FrameTable, RowMap, Trajectory
 from savmap.types.progress import NoteCollector

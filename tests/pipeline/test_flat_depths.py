@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from savmap.errors import SolveError
+from savmap.files.journal import Journal
 from savmap.graph import LocatedCamera, References, camera_priors
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import MeasuredPasses
-from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow, WalkedRow
 from savmap.pipeline.row import constrain, track
 from savmap.pipeline.second_look import PluginAlone, depths_of
 from savmap.types import FlatDepth, FlatParts, PlanePatch
@@ -83,8 +83,9 @@ def watched(located: LocatedCamera | None, monkeypatch: pytest.MonkeyPatch) -> t
     other = replace(FLAT, axis="y", parts=())
     plugin = loaded(flat_parts=lambda self, points: [FLAT, other])
     seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
-    measured = MeasuredPasses(seen, [], {"made-up": ()})
-    alone = PluginAlone(RowRequest("A", (), [plugin], References()), plugin)
+    request = RowRequest("A", (), [plugin], References())
+    measured = WalkedRow(request, seen, plugins=[plugin], packed_views={"made-up": ()}, journal=Journal())
+    alone = PluginAlone(request, plugin)
     return list(depths_of(alone, measured, seen)), asked
 
 

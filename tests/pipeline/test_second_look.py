@@ -1,4 +1,4 @@
-"""The second look: which plugins take it, what frames are measured again with, and when nothing changes."""
+"""The second look: which plugins take it, what is measured again in the strips that were kept, and when nothing changes."""
 
 import logging
 from dataclasses import replace
@@ -11,38 +11,34 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import StructureError
-from savmap.files import journal as journals
-from savmap.files.serialization import packed
+from savmap.files.journal import Journal
 from savmap.graph import References
 from savmap.pipeline import second_look
-from savmap.pipeline.measure import MeasuredPasses
-from savmap.pipeline.records import FrameJournal, FrameRecord, RowMeasurements, RowRequest
+from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.pipeline.second_look import Expectation, PluginAlone, look_again, unexplained
-from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.plugin.segmenters import SegmenterPool
 from savmap.types import (
     Detection,
     Expected,
     Feature,
     Floats,
     FrameTable,
+    Panorama,
     PlanePatch,
     RowFacts,
     Trajectory,
     View,
-    ViewPlan,
     ViewSpec,
 )
 from savmap.types.progress import NoteCollector
-from savmap.video.reader import Clip
+from savmap.vision.evidence import PackedView
 from savmap.vision.evidence.floor import FloorHeight
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
+from savmap.vision.strips import PanoramaStrip
+from savmap.vision.views import Region
 
 from ..plugin.made_up_plugin import plugin_class
-from ..video.made_up_video import evenly, write_video
-from .test_measure import Shelf
 
 ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
@@ -78,22 +74,27 @@ def rectangle(x: float) -> Expected:
 
 
 @pytest.fixture
-def walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MeasuredPasses:
+def walked() -> WalkedRow:
     """A pass in which nothing was found; the network sees two faint things, at x = -0.8 and 0.8 of the plane."""
     maps = np.zeros((2, FACE.height, FACE.width), np.float32)
     maps[1, 20:44, 20:38] = maps[1, 20:44, 58:76] = 0.3
     maps[0] = 1 - maps[1]
-    monkeypatch.setattr(SegmenterPool, "predict", lambda self, plugin, view: Segmentation(("light",), maps))
-    clip = Clip(write_video(tmp_path / "a.mp4", evenly(2 * COUNT, 30)))
-    plan = PassPlan("pass 1", clip, {"one": ViewPlan((FACE,), np.diag([1.0, -1.0, -1.0]), 1)})
+    black, journal = np.zeros((FACE.height, 2 * FACE.height, 3), np.uint8), Journal()
+    packed_views = []
+    for frame in range(COUNT):
+        panorama = Panorama(frame, frame / 15, black)
+        journal.add(strips_of("A"), frame, PanoramaStrip.of(panorama, Region(0, 64, 0, 128)))
+        view = View(SHOWN, frame, frame / 15, np.zeros((FACE.height, FACE.width, 3), np.uint8))
+        packed_views.append(PackedView.of(view, Segmentation(("light",), maps)))
     facts = RowFacts("A", FrameTable(np.arange(COUNT) / 15, ("pass 1",) * COUNT), {SHOWN.name: SHOWN}, {"pass 1": 1})
     attitudes = {"pass 1": np.diag([1.0, -1.0, -1.0])}
     nothing = RowMeasurements(facts, {"one": []}, attitudes, frozenset({"one"}), (), MarkerTracks((), {}))
-    return MeasuredPasses(nothing, [plan], {"one": []})
+    row = RowRequest("A", (), [], References())
+    return WalkedRow(row, nothing, plugins=[watcher()], packed_views={"one": packed_views}, journal=journal)
 
 
 def looked(
-    walked: MeasuredPasses,
+    walked: WalkedRow,
     plugin: LoadedPlugin,
     expectations: list[Expectation | None],
     monkeypatch: pytest.MonkeyPatch,
@@ -110,13 +111,10 @@ def looked(
     monkeypatch.setattr(second_look, "expect", asked)
     monkeypatch.setattr(second_look.PluginAlone, "located", lambda *arguments: located if followed else None)
     notes = NoteCollector()
-    row = RowRequest("A", (), [plugin], References())
-    return look_again(row, walked, notes), notes.lines
+    return look_again(replace(walked, plugins=[plugin]), notes).measurements, notes.lines
 
 
-def test_frames_are_measured_where_objects_are_expected(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_are_measured_where_objects_are_expected(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     expectation = Expectation([rectangle(0.8)], PATH)
     measured, notes = looked(walked, watcher(), [expectation, None], monkeypatch)
     features = measured.features["one"]
@@ -129,7 +127,7 @@ def test_frames_are_measured_where_objects_are_expected(
 
 
 def test_what_is_expected_beside_what_is_seen_is_measured_where_it_is_seen(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The path was 42 cm off: 10 px. What is absent moves along."""
     aside, elsewhere = rectangle(0.38), replace(rectangle(-1.22), absent=True)
@@ -140,7 +138,7 @@ def test_what_is_expected_beside_what_is_seen_is_measured_where_it_is_seen(
 
 
 def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubted(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured, notes = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH)], monkeypatch, followed=False)
     assert measured.features == walked.measurements.features
@@ -150,13 +148,13 @@ def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubt
     assert len(notes) == 1
 
 
-def test_frames_without_a_pose_are_not_measured_again(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frames_without_a_pose_are_not_measured_again(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     known = Trajectory(PATH.frames[3:6], PATH.world_from_rig[3:6])
     measured, _ = looked(walked, watcher(), [Expectation([rectangle(0.8)], known), None], monkeypatch)
     assert [feature.frame for feature in measured.features["one"]] == [3, 4, 5]
 
 
-def test_at_most_two_looks_are_taken(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_most_two_looks_are_taken(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH)
     left = [expectation] * 4
     measured, notes = looked(walked, watcher(), left, monkeypatch)
@@ -166,7 +164,7 @@ def test_at_most_two_looks_are_taken(walked: MeasuredPasses, monkeypatch: pytest
 
 
 def test_what_is_absent_is_not_measured_beside_what_is_there(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What lies beside an object is measured with it, for borders are not known to the pixel."""
     beside, absent = rectangle(-0.35), replace(rectangle(-0.8), absent=True)
@@ -176,9 +174,7 @@ def test_what_is_absent_is_not_measured_beside_what_is_there(
         assert notes == [f"row A: `one` looks again for {len(objects) - (absent in objects)} objects"]
 
 
-def test_what_is_not_tracked_after_the_last_look_is_doubted(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_not_tracked_after_the_last_look_is_doubted(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     tracked = {f"thing 1 / {end}": np.array([-0.8, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))}
     expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
     measured, _ = looked(walked, watcher(), [expectation] * 3, monkeypatch)
@@ -188,7 +184,7 @@ def test_what_is_not_tracked_after_the_last_look_is_doubted(
 
 
 def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracked = {
         f"thing {number} / {end}": np.array([x, y, 0.0])
@@ -202,9 +198,7 @@ def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
     ]
 
 
-def test_a_look_that_loses_more_than_it_finds_is_not_used(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_look_that_loses_more_than_it_finds_is_not_used(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two things one is tracked after the first look, none after the second."""
     things = [rectangle(0.8), rectangle(-0.8)]
     one, none = (
@@ -220,7 +214,7 @@ def test_a_look_that_loses_more_than_it_finds_is_not_used(
 
 @pytest.mark.parametrize(("end", "used"), [(0.8, True), (0.2, False)])
 def test_a_look_that_loses_an_end_of_what_was_tracked_is_not_used(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch, end: float, used: bool
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch, end: float, used: bool
 ) -> None:
     """Things at both ends were tracked; after the look the landmarks end at the one, or before it."""
     before, after = (
@@ -231,21 +225,19 @@ def test_a_look_that_loses_an_end_of_what_was_tracked_is_not_used(
     assert (measured is not walked.measurements and bool(measured.features["one"])) == used
 
 
-def test_measured_again_is_told_from_seen(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_measured_again_is_told_from_seen(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     measured, _ = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH), None], monkeypatch)
     assert all(feature.expected for feature in measured.features["one"])
 
 
-def test_where_nothing_else_is_expected_nothing_changes(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_nothing_else_is_expected_nothing_changes(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     measured, notes = looked(walked, watcher(), [None], monkeypatch)
     assert measured is walked.measurements
     assert notes == []
 
 
 def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[float | None] = []
 
@@ -267,7 +259,7 @@ def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
 
 @pytest.mark.parametrize(("height", "is_floor"), [(-0.3, True), (0.4, True), (1.6, False)])
 def test_what_lies_higher_than_much_of_what_was_tracked_is_not_the_floor(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch, height: float, is_floor: bool
+    walked: WalkedRow, monkeypatch: pytest.MonkeyPatch, height: float, is_floor: bool
 ) -> None:
     """A single thing below the floor may be its mirror image."""
     monkeypatch.setattr(second_look, "floor_height", lambda *_: FloorHeight(height, 0.7, 0.01))
@@ -278,15 +270,15 @@ def test_what_lies_higher_than_much_of_what_was_tracked_is_not_the_floor(
     assert (found is not None, alone.floor_share) == ((True, 0.7) if is_floor else (False, None))
 
 
-def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: MeasuredPasses) -> None:
+def test_what_cannot_be_tracked_at_all_is_not_looked_for(walked: WalkedRow) -> None:
     def track(self: object) -> list[Any]:
         raise StructureError("nothing here")
 
-    row = RowRequest("A", (), [watcher(track=track)], References())
-    assert look_again(row, walked, NoteCollector()) is walked.measurements
+    again = look_again(replace(walked, plugins=[watcher(track=track)]), NoteCollector())
+    assert again.measurements is walked.measurements
 
 
-def test_tracking_that_is_not_used_warns_nobody(walked: MeasuredPasses, caplog: pytest.LogCaptureFixture) -> None:
+def test_tracking_that_is_not_used_warns_nobody(walked: WalkedRow, caplog: pytest.LogCaptureFixture) -> None:
     tracked = list[str]()
 
     def track(self: object) -> list[Any]:
@@ -294,7 +286,7 @@ def test_tracking_that_is_not_used_warns_nobody(walked: MeasuredPasses, caplog: 
         logging.getLogger("savmap_one").warning("row A: seen only in part")
         raise StructureError("nothing here")
 
-    look_again(RowRequest("A", (), [watcher(track=track)], References()), walked, NoteCollector())
+    look_again(replace(walked, plugins=[watcher(track=track)]), NoteCollector())
     logging.getLogger("savmap_one").warning("row A: seen only in part, and used")
     assert tracked
     assert [record.getMessage() for record in caplog.records] == ["row A: seen only in part, and used"]
@@ -343,9 +335,7 @@ def test_what_meets_only_what_lies_behind_lies_behind_itself(
     assert len([*unexplained(left, [], {})]) == doubted
 
 
-def test_a_plugin_is_asked_with_the_floor_before_its_planes(
-    walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plugin_is_asked_with_the_floor_before_its_planes(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[float | None] = []
     face = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
 
@@ -363,30 +353,3 @@ def test_a_plugin_is_asked_with_the_floor_before_its_planes(
     )
     assert second_look.expect(alone, walked, walked.measurements) is None
     assert told == [-1.5]
-
-
-def test_a_look_that_was_cut_off_goes_on_there(walked: MeasuredPasses, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(journals, "KEEP_S", 0.0)
-    asked, stops = list[int](), [True]
-    own = watcher().instance.extract_features
-
-    def extract_features(self: object, view: View, detections: list[Detection]) -> list[Feature]:
-        asked.append(view.frame)
-        if stops and view.frame == 5:
-            raise KeyboardInterrupt
-        return list(own(view, detections))
-
-    def look(parts: Shelf | None) -> bytes:
-        with FrameJournal(FrameRecord, parts) as journal:
-            row = RowRequest("A", (), [], References(), journal=journal)
-            expectation = Expectation([rectangle(0.8)], PATH)
-            plugin = watcher(extract_features=extract_features)
-            return packed(second_look.measure_again(row, plugin, walked, expectation, 1, NoteCollector()))
-
-    shelf = Shelf()
-    with pytest.raises(KeyboardInterrupt):
-        look(shelf)
-    stops.clear()
-    asked.clear()
-    assert look(shelf) == look(None)
-    assert asked == [*range(5, COUNT), *range(COUNT)]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginError, StructureError
+from savmap.files.journal import Journal
 from savmap.graph import Constraints, KeySpace, Landmark, References, camera_priors, image_measurements
 from savmap.maps.map_file import map_of, map_text
 from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
@@ -38,8 +39,9 @@ def test_a_plugin_that_needs_a_path_is_refused_by_the_engine() -> None:
 
 def test_it_is_refused_before_a_picture_is_decoded() -> None:
     row = RowRequest("A", (), [loaded(needs_path=True)], References())
-    with pytest.raises(StructureError, match="`made-up` alone does not locate the camera"):
-        measure(row, SilentMonitor())
+    (error,) = measure([row], Journal(), SilentMonitor())
+    assert isinstance(error, StructureError)
+    assert "`made-up` alone does not locate the camera" in str(error)
 
 
 @pytest.mark.parametrize("needs", [True, False])

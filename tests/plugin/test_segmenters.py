@@ -67,16 +67,17 @@ def test_plugins_with_one_file_and_one_naming_share_it(network: Path) -> None:
         plugin_with(network, {"post": "column"}, "column"),
     ]
     segmenters = SegmenterPool(plugins)
-    assert segmenters.networks["pillar"] is segmenters.networks["rail"]
-    assert segmenters.networks["pillar"].classes == ("pillar", "rail")
-    assert segmenters.networks["column"].classes == ("column",)
+    pillar, rail, column = map(segmenters.network, plugins)
+    assert pillar is rail
+    assert pillar.classes == ("pillar", "rail")
+    assert column.classes == ("column",)
 
 
 def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own = plugin_with(network, {"post": "pillar"})
     segmenters, seen = SegmenterPool([own]), view()
     segmenters.prefetch(own, seen)
-    segmenter = segmenters.networks["pillar"]
+    segmenter = segmenters.network(own)
     monkeypatch.setattr(segmenter, "_adapter", None)
     assert len(segmenters.detect(own, seen)) == 2
     assert np.array_equal(segmenter.probabilities(seen.image), segmenter.predict(seen.image).maps)

@@ -1,8 +1,8 @@
-"""The walk over a pass: what runs ahead changes nothing of what plugins are asked, in which order, and what they see;
+"""The drive: every frame is seen once; what runs ahead changes nothing of what plugins are asked, in which order, and what they see;
 what is kept of a run that was cut off; points and markers that are followed."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,17 +15,18 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import PluginError
 from savmap.files import journal as journals
+from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.graph import KnownMarker, References, camera_priors
-from savmap.pipeline import measure
-from savmap.pipeline.cutting import Stills
-from savmap.pipeline.records import FrameJournal, FrameRecord, LocatedRow, RowMeasurements, RowRequest
+from savmap.pipeline import drive
+from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, WalkedRow
 from savmap.pipeline.row import marker_constraints
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.plugin.segmenters import SegmenterPool
-from savmap.site.model import Site
+from savmap.site.model import Pass, Site
 from savmap.site.preflight import tells_scale
 from savmap.types import (
     Detection,
@@ -40,8 +41,9 @@ from savmap.types import (
 )
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, panoramas
-from savmap.vision.flow import WINDOW, FlowTracker, NullFlowTracker
-from savmap.vision.markers import MarkerTracker, MarkerTracks
+from savmap.vision.flow import WINDOW
+from savmap.vision.markers import MarkerTracks
+from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
@@ -51,6 +53,7 @@ from ..vision.test_markers import HEIGHT, TAG, corners_at, marked
 ROOT = Path(__file__).parents[2]
 LAMPS = ROOT / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
 AHEAD, UP = ViewSpec("ahead", 10.0, width=96, height=64), ViewSpec("up", 0.0, 80.0, width=96, height=64)
+BACK = replace(AHEAD, yaw_deg=190.0)
 Extract = Callable[[View, list[Detection]], list[Feature]]
 
 
@@ -87,10 +90,22 @@ def threads() -> set[threading.Thread]:
 
 
 def walk_of(
-    rooms: list[LoadedPlugin], journal: FrameJournal | None = None, flow: FlowTracker | None = None
-) -> measure.RowWalk:
-    markers, flow = MarkerTracker([("tag36h11", 7)]), flow or NullFlowTracker()
-    return measure.RowWalk(rooms, SegmenterPool(rooms), Renderer(), markers, flow, [Stills()], journal)
+    rooms: Sequence[LoadedPlugin], plan: PassPlan, journal: Journal | None = None, row: str = "A", **more: bool
+) -> RowWalk:
+    """A row with one pass, which begins."""
+    row_pass = Pass(video=plan.clip.path)
+    references = References(markers=(KnownMarker("tag36h11", 7, 0.2, 0.0005),))
+    request = RowRequest(row, (row_pass,), rooms, references, stills=True, **more)
+    walk = RowWalk((request, rooms, plan), SegmenterPool(rooms), Renderer(), journal or Journal())
+    walk.begin(plan.name, row_pass, SilentMonitor())
+    return walk
+
+
+def driven(walk: RowWalk) -> RowWalk:
+    """The walk along its pass. Raises its error."""
+    for error in drive.drive_along(walk.plan.clip, [walk], walk.renderer, SilentMonitor()).values():
+        raise error
+    return walk
 
 
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: PassPlan) -> None:
@@ -109,12 +124,11 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
         return extract
 
     rooms = [room("one", watcher("one")), room("two", watcher("two"))]
-    walk = walk_of(rooms)
-    walk.over("A", aimed, SilentMonitor())
+    driven(walk_of(rooms, aimed))
     views = [("one", "pass 1 / ahead"), ("one", "pass 1 / up"), ("two", "pass 1 / up")]
     here = threading.get_ident()
     assert asked == [(name, frame, view, here) for frame in range(12) for name, view in views]
-    renderer, network = Renderer(), SegmenterPool(rooms).networks["one"]
+    renderer, network = Renderer(), SegmenterPool(rooms).network(rooms[0])
     alone = [renderer.render(one, spec) for one in panoramas(aimed.clip) for spec in aimed.plugins_by_view]
     for (image, probability), view in zip(seen, alone, strict=True):
         assert np.array_equal(image, view.image)
@@ -129,9 +143,8 @@ def test_a_view_is_cut_from_each_so_many_frames(aimed: PassPlan) -> None:
         seen.append((view.spec.name, view.frame))
         return []
 
-    walk = walk_of([room("one", extract)])
     seldom = replace(aimed, plans={"one": ViewPlan((AHEAD, replace(UP, every=3)))})
-    walk.over("A", seldom, SilentMonitor())
+    walk = driven(walk_of([room("one", extract)], seldom))
     assert [frame for name, frame in seen if name.endswith("up")] == [0, 3, 6, 9]
     assert [frame for name, frame in seen if name.endswith("ahead")] == list(range(12))
     assert len(walk.stamps) == 12
@@ -144,11 +157,10 @@ def test_a_failing_plugin_ends_the_walk_and_its_threads(aimed: PassPlan) -> None
         frames.append(view.frame)
         return [] if view.frame < 3 else 1 / 0  # type: ignore[return-value]
 
-    walk = walk_of([room("one", extract)])
     with pytest.raises(
         PluginError, match=r"`one` failed in `extract_features` at frame 3 of pass 1 .*: ZeroDivisionError"
     ):
-        walk.over("A", aimed, SilentMonitor())
+        driven(walk_of([room("one", extract)], aimed))
     assert max(frames) == 3
     assert threads() == before
 
@@ -161,16 +173,15 @@ def test_skipped_frames_are_counted_as_they_are_told(tmp_path: Path) -> None:
     for number in (3, 6):
         whole = (folder / f"{number}.png").read_bytes()
         (folder / f"{number}.png").write_bytes(whole[: len(whole) // 2])
-    walk = walk_of([room("one", lambda view, detections: [])])
-    walk.over("A", PassPlan("pass 1", Clip(folder, fps=30), {"one": ViewPlan((AHEAD,))}), SilentMonitor())
+    plan = PassPlan("pass 1", Clip(folder, fps=30), {"one": ViewPlan((AHEAD,))})
+    walk = driven(walk_of([room("one", lambda view, detections: [])], plan))
     assert walk.skipped == 2
     assert any(f"{walk.skipped} damaged frames skipped" in note for note in walk.notes)
 
 
 def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None:
-    walk = walk_of([room("one", lambda view, detections: [])])
-    walk.over("A", aimed, SilentMonitor())
-    assert not walk.segmenters.networks["one"]._segmentations
+    walk = driven(walk_of([room("one", lambda view, detections: [])], aimed))
+    assert not walk.segmenters.network(walk.plugins[0])._segmentations
 
 
 @pytest.mark.parametrize(("cut_off_at", "footage"), [(0, "video"), (5, "pictures"), (11, "video")])
@@ -190,10 +201,9 @@ def test_a_walk_that_was_cut_off_goes_on_there(
 
     def walked(parts: Shelf | None) -> bytes:
         rooms = [room("one", extract), room("two", extract)]
-        with FrameJournal(FrameRecord, parts) as journal:
-            walk = walk_of(rooms, journal, FlowTracker())
-            walk.over("A", plan, SilentMonitor())
-        seen = [walk.features, walk.packed_views, walk.stamps, walk.passes, walk.cuts, walk.notes, walk.flow.flows]
+        with Journal(parts) as journal:
+            walk = driven(walk_of(rooms, plan, journal, appearance=True))
+        seen = [walk.features, walk.packed_views, walk.stamps, walk.pass_of, walk.cuts, walk.notes, walk.flow.flows]
         return packed([*seen, walk.markers.marks])
 
     plan = aimed if footage == "video" else replace(aimed, clip=Clip(pictures_of(aimed, tmp_path), images_fps=15.0))
@@ -220,30 +230,97 @@ def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, mon
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
     shelf = Shelf()
     rooms = isolated([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0), room("two", lambda *_: [])])
-    walk = walk_of([*rooms], FrameJournal(FrameRecord, shelf))
-    walk.over("A", aimed, SilentMonitor())
-    assert journals.counts(shelf) == {"measuring": 3}
+    driven(walk_of(rooms, aimed, Journal(shelf)))
+    assert journals.counts(shelf) == {"A": 3}
 
 
-def test_points_are_followed_in_the_views_of_the_face_alone() -> None:
-    walk = walk_of([], flow=FlowTracker())
+def test_two_rows_of_a_drive_see_every_frame_once(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three plugins, two of which share a network, look at both rows; both rows look up the same way."""
+    decoded: list[int] = []
+    rendered: list[tuple[float, ViewSpec]] = []
+    inferred: list[tuple[float, ViewSpec]] = []
+    image_of: dict[int, tuple[float, ViewSpec]] = {}
+    kept: list[np.ndarray] = []
+
+    def counted(clip: Clip, *arguments: Any) -> Iterator[Panorama]:
+        for panorama in panoramas(clip, *arguments):
+            decoded.append(panorama.frame)
+            yield panorama
+
+    def render(self: Renderer, panorama: Panorama, spec: ViewSpec) -> View:
+        view = plain_render(self, panorama, spec)
+        rendered.append((panorama.stamp_s, replace(spec, name="")))
+        image_of[id(view.image)] = rendered[-1]
+        kept.append(view.image)
+        return view
+
+    def predict(self: Segmenter, image: np.ndarray) -> Any:
+        inferred.append(image_of[id(image)])
+        return plain_predict(self, image)
+
+    plain_render, plain_predict = Renderer.render, Segmenter.predict
+    monkeypatch.setattr(Renderer, "render", render)
+    monkeypatch.setattr(Segmenter, "predict", predict)
+    monkeypatch.setattr(drive, "panoramas", counted)
+    plans = {"A": {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,)), "three": ViewPlan((AHEAD,))}}
+    plans["B"] = {"one": ViewPlan((BACK, UP)), "two": ViewPlan((UP,)), "three": ViewPlan((BACK,))}
+
+    def chosen(name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], *_: Any) -> Any:
+        row = "A" if len(first) == 0 else "B"
+        first.append(row)
+        return plugins, replace(aimed, plans=plans[row])
+
+    first: list[str] = []
+    monkeypatch.setattr(drive, "with_best_networks", chosen)
+    rooms = [room(name, lambda view, detections: []) for name in ("one", "two", "three")]
+    row_pass = Pass(video=aimed.clip.path)
+    requests = [RowRequest(name, (row_pass,), rooms, References()) for name in "AB"]
+    walked = drive.walk(requests, Journal(), SilentMonitor())
+    assert [len(row.measurements.facts.frames.stamps_s) for row in walked if isinstance(row, WalkedRow)] == [12, 12]
+    assert decoded == list(range(12))
+    assert len(rendered) == len(set(rendered)) == 12 * 3
+    assert len(inferred) == len(set(inferred)) == 12 * 3
+
+
+def test_a_row_that_fails_leaves_the_drive_and_the_others_go_on(aimed: PassPlan) -> None:
+    fails = walk_of([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0)], aimed, row="B")  # type: ignore[arg-type]
+    goes_on = walk_of([room("one", lambda view, _: [])], aimed)
+    failures = drive.drive_along(aimed.clip, [fails, goes_on], Renderer(), SilentMonitor())
+    assert list(failures) == [id(fails)]
+    assert len(goes_on.stamps) == 12
+
+
+def test_a_snapshot_is_what_was_measured_so_far(aimed: PassPlan) -> None:
+    """It needs no frame that follows, and the drive goes on after it."""
+    walk = walk_of([room("one", lambda view, _: [])], aimed)
+    with drive.Drive([walk], Renderer()) as along:
+        for panorama in panoramas(aimed.clip):
+            along.add(panorama)
+            if panorama.frame == 4:
+                (row,) = along.snapshot()
+                assert len(row.measurements.facts.frames.stamps_s) == 5
+        (row,) = along.snapshot()
+    assert len(row.measurements.facts.frames.stamps_s) == 12
+
+
+def test_points_are_followed_in_the_views_of_the_face_alone(aimed: PassPlan) -> None:
     face, ceiling = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
-    aims = {"racks": ViewPlan((face,), np.eye(3)), "lamps": ViewPlan((ceiling,))}
-    plan = PassPlan("pass 1", Clip(Path("none")), aims)
+    plans = {"racks": ViewPlan((face,), np.eye(3)), "lamps": ViewPlan((ceiling,))}
+    walk = walk_of([], replace(aimed, plans=plans), appearance=True)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     image = np.kron(rough, np.ones((4, 4, 1), np.uint8))
     for frame in range(WINDOW):
         panorama = Panorama(frame, frame / 15, image)
-        walk._follow(panorama, [Renderer().render(panorama, spec) for spec in plan.plugins_by_view], plan)
+        walk.take(panorama, walk.render(panorama, {}))
     assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
     assert len(walk.flow.flows[0].pixels) > 50
 
 
-def test_markers_are_searched_in_every_frame() -> None:
-    walk = walk_of([])
+def test_markers_are_searched_in_every_frame(aimed: PassPlan) -> None:
+    walk = walk_of([], replace(aimed, plans={}))
     for frame in range(3):
         panorama = marked(frame, HEIGHT, corners_at(8 + frame, 40.0, 0.0), TAG, np.random.default_rng(1))
-        walk._follow(panorama, [], PassPlan("pass 1", Clip(Path("none")), {}))
+        walk.take(panorama, ([], [], None))
     assert walk.markers.marks.tracks["tag36h11 7"][0].frames.tolist() == [0, 1, 2]
 
 
