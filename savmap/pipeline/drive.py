@@ -46,7 +46,7 @@ from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, 
 from savmap.vision.evidence import PackedView
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
-from savmap.vision.strips import PanoramaStrip, region_of
+from savmap.vision.strips import PanoramaStrip, packed_maps, region_of
 from savmap.vision.views import Region, Renderer
 
 WORKERS, DEPTH = 2, 3
@@ -307,7 +307,7 @@ class RowWalk:
             followed, cuts, strip = tuple(rendered[0]), *rendered[1:]
             record = self._measured(panorama, followed, cuts)
             if strip is not None:
-                self.journal.add(strips_of(self.name), panorama.frame, strip)
+                self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=self._maps(followed)))
             if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
                 self.journal.add(self.name, panorama.frame, record)
         for view in followed:
@@ -390,6 +390,15 @@ class RowWalk:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))
         return FrameRecord(features, packed_views, cuts)
+
+    def _maps(self, views: Sequence[View]) -> dict[str, dict[str, bytes]]:
+        """What networks gave for a frame's views, by plugin and view."""
+        maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
+        for view in views:
+            for plugin in self._plugins_at(view):
+                if plugin.name in maps:
+                    maps[plugin.name][view.spec.name] = packed_maps(self.segmenters.predict(plugin, view))
+        return maps
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]

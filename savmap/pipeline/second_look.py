@@ -365,15 +365,15 @@ class SecondLook:
             if strip is None or strip.frame != packed_view.frame:
                 strip = self.walked.journal.get(PanoramaStrip, series, packed_view.frame)
                 panorama = strip.panorama() if strip is not None else None
-            if panorama is not None:
-                found = self._in_view(packed_view, panorama)
+            if strip is not None and panorama is not None:
+                seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
+                found = self._in_view(packed_view, seen, panorama)
                 features += [replace(feature, expected=True) for feature in found]
         return features
 
-    def _in_view(self, packed_view: PackedView, panorama: Panorama) -> list[Feature]:
+    def _in_view(self, packed_view: PackedView, segmentation: Segmentation, panorama: Panorama) -> list[Feature]:
         spec = self.walked.measurements.facts.views[packed_view.view]
         view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
-        segmentation = packed_view.segmentation(self.plugin.classes, spec)
         outlines = self._outlines(view, segmentation)
         there = [(thing, outline) for thing, outline in outlines if not thing.absent]
         detections = expected_detections(view, segmentation, there, self.settings)

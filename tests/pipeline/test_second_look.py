@@ -35,7 +35,7 @@ from savmap.vision.evidence import PackedView
 from savmap.vision.evidence.floor import FloorHeight
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
-from savmap.vision.strips import PanoramaStrip
+from savmap.vision.strips import PanoramaStrip, packed_maps
 from savmap.vision.views import Region
 
 from ..plugin.made_up_plugin import plugin_class
@@ -83,9 +83,11 @@ def walked() -> WalkedRow:
     packed_views = []
     for frame in range(COUNT):
         panorama = Panorama(frame, frame / 15, black)
-        journal.add(strips_of("A"), frame, PanoramaStrip.of(panorama, Region(0, 64, 0, 128)))
+        strip = PanoramaStrip.of(panorama, Region(0, 64, 0, 128))
+        seen = Segmentation(("light",), maps)
+        journal.add(strips_of("A"), frame, replace(strip, maps={"one": {SHOWN.name: packed_maps(seen)}}))
         view = View(SHOWN, frame, frame / 15, np.zeros((FACE.height, FACE.width, 3), np.uint8))
-        packed_views.append(PackedView.of(view, Segmentation(("light",), maps)))
+        packed_views.append(PackedView.of(view, seen))
     facts = RowFacts("A", FrameTable(np.arange(COUNT) / 15, ("pass 1",) * COUNT), {SHOWN.name: SHOWN}, {"pass 1": 1})
     attitudes = {"pass 1": np.diag([1.0, -1.0, -1.0])}
     nothing = RowMeasurements(facts, {"one": []}, attitudes, frozenset({"one"}), (), MarkerTracks((), {}))

@@ -58,13 +58,6 @@ class PackedView:
         maps = np.stack([_unpacked(packed, cv2.IMREAD_GRAYSCALE) for packed in self.maps])
         return np.asarray(maps, np.float32) / np.float32(255)
 
-    def segmentation(self, classes: tuple[str, ...], view: ViewSpec) -> Segmentation:
-        """What the network gave for the view, of whose classes these are the names, at the view's resolution."""
-        size = (view.width, view.height)
-        maps = [cv2.resize(probability, size, interpolation=cv2.INTER_LINEAR) for probability in self.probabilities()]
-        background = np.clip(1 - np.sum(maps, axis=0), 0, 1)
-        return Segmentation(classes, np.stack([background, *maps]).astype(np.float32))
-
     def image(self) -> Bytes:
         """The view's picture (height, width, 3), RGB."""
         return _unpacked(self.picture, cv2.IMREAD_COLOR)[..., ::-1]
