@@ -24,7 +24,7 @@ from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.observations import MaskErrors
 from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import parse_scene
-from savmap.pipeline.initial_poses import attitudes_of, initial_path
+from savmap.pipeline.path import attitudes_of, initial_path
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.types import FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks

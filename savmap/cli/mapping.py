@@ -13,10 +13,10 @@ from savmap.cli.speech import say, say_all
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import MAP, failures_recorded, map_job_into, written_files
+from savmap.jobs.preview import previews
 from savmap.jobs.scheduler import RunOptions
 from savmap.jobs.tasks import request_for
 from savmap.maps.run_record import failed_since
-from savmap.pipeline.preview import previews
 from savmap.report.evaluation import as_table
 from savmap.site.job import Job, prepare
 from savmap.site.preflight import require_ready

@@ -14,12 +14,12 @@ from savmap.errors import OutputError, SavmapError, SiteError, VideoError
 from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
+from savmap.jobs.preview import picture_name, preview
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
-from savmap.pipeline.preview import picture_name, preview
+from savmap.pipeline.path import warnings_held_back
 from savmap.pipeline.row import measure
-from savmap.pipeline.second_look import warnings_held_back
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins, plugins_for

@@ -19,7 +19,6 @@ from savmap.jobs.cache import Record, StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED
 from savmap.pipeline.cutting import spaced_stills
-from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
 from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
@@ -28,6 +27,7 @@ from savmap.site.job import Job, plugins_for
 from savmap.site.references import calibration_of, references_of
 from savmap.types import Orthophoto, RowMap, RowStrips, Still, Trajectory
 from savmap.types.progress import Monitor, NoteCollector
+from savmap.vision.orthophoto import orthophoto
 
 NOTE = "note "
 PER_MB = 1 << 20 if sys.platform == "darwin" else 1 << 10

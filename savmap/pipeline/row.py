@@ -8,9 +8,9 @@ from savmap import graph
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.journal import Journal
 from savmap.graph import Constraints
+from savmap.graph.joint_covariance import joint_covariance
 from savmap.pipeline.drive import require_path, walk
-from savmap.pipeline.initial_poses import first_poses
-from savmap.pipeline.joint_covariance import joint_covariance
+from savmap.pipeline.path import first_poses
 from savmap.pipeline.records import (
     DescribedRow,
     LocatedRow,

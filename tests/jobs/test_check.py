@@ -245,7 +245,7 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
             keys, (), None, np.eye(3)
         )  # type: ignore[arg-type]
 
-    monkeypatch.setattr("savmap.pipeline.preview.plan_pass", aimed)
+    monkeypatch.setattr("savmap.jobs.preview.plan_pass", aimed)
     lines, code = checked(
         folder,
         GOOD + "  B/1:\n    passes: [{video: a.mp4, side: left}, {video: a.mp4, side: left, fps: 8}]\n",

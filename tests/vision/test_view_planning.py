@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.pipeline.preview import overview
+from savmap.jobs.preview import overview
 from savmap.types import Panorama, View, ViewSpec
 from savmap.vision.view_planning import (
     LARGEST_HFOV_DEG,

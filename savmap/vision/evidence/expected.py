@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, Expected, Floats, View, ViewSpec
+from savmap.types import Detection, Expected, Feature, Floats, View, ViewSpec
 from savmap.vision.evidence.colours import colour_probability
 from savmap.vision.evidence.planes import outline_in
 from savmap.vision.networks.adapter import regions
@@ -61,6 +61,28 @@ def expected_detections(
                 np.maximum(raised, scaled, out=raised)
         detections += regions(label, raised, 0.5, settings.least_px)
     return detections
+
+
+def features_of(features: Sequence[Feature], outlines: Sequence[Outlined]) -> list[Feature]:
+    """The features of those instances of a view that do not lie at an absent object's outline, farther inside of it than of any other's."""
+    if not any(thing.absent for thing, _ in outlines):
+        return [*features]
+    exact = [(thing, outline.astype(np.float32)) for thing, outline in outlines]
+    pixels: dict[tuple[str, int], list[Floats]] = {}
+    for feature in features:
+        pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
+    absent = {key for key, own in pixels.items() if _is_absent(key[0], np.concatenate(own).mean(axis=0), exact)}
+    return [feature for feature in features if (feature.label, feature.instance) not in absent]
+
+
+def _is_absent(label: str, place: Floats, outlines: Sequence[tuple[Expected, NDArray[np.float32]]]) -> bool:
+    """Whether a place (2,) px is nearer to an absent object of a class, to a pixel, than to all that are there."""
+    inside = {True: -np.inf, False: -np.inf}
+    for thing, outline in outlines:
+        if thing.label == label:
+            depth = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
+            inside[thing.absent] = max(inside[thing.absent], depth)
+    return inside[True] > max(inside[False], -1.0)
 
 
 def _raised(probability: Singles, outline: Floats, settings: DetectionSettings) -> Singles:

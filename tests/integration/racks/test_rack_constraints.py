@@ -8,7 +8,7 @@ import pytest
 
 from savmap.errors import SiteError, StructureError
 from savmap.graph import SolveOptions
-from savmap.pipeline.joint_covariance import joint_covariance
+from savmap.graph.joint_covariance import joint_covariance
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.sharing import share_edges
 from savmap_shelves.mapping import describe

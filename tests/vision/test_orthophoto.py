@@ -11,10 +11,10 @@ import pytest
 from savmap.geometry import sphere
 from savmap.pipeline import cutting
 from savmap.pipeline.cutting import FaceStrips
-from savmap.pipeline.orthophoto import orthophoto
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import Floats, Orthophoto, Panorama, PlanePatch, RowStrips, Strip, Trajectory, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, VideoInfo
+from savmap.vision.orthophoto import orthophoto
 from savmap.vision.views import Renderer
 
 HEIGHT, AWAY, COUNT = 512, 1.2, 9

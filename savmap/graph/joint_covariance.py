@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.graph import Landmark, Solution
+from savmap.graph.solver.solution import Landmark, Solution
 from savmap.types import Floats, Ints, JointCovariance, Structure
 
 SAME_M, SAME_SIGMA_M = 1e-3, 5e-4
