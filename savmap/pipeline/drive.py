@@ -16,7 +16,16 @@ from savmap.errors import SavmapError, StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
 from savmap.pipeline.networks import network_lines, with_best_networks
-from savmap.pipeline.records import FrameRecord, RowMeasurements, RowRequest, WalkedRow, each, strips_of
+from savmap.pipeline.records import (
+    DriveFrame,
+    FrameRecord,
+    RowMeasurements,
+    RowRequest,
+    WalkedRow,
+    drive_of,
+    each,
+    strips_of,
+)
 from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass
 from savmap.plugin.isolation import failed, left_out
@@ -46,7 +55,7 @@ from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, 
 from savmap.vision.evidence import PackedView
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
-from savmap.vision.strips import PanoramaStrip, packed_maps, region_of
+from savmap.vision.strips import PanoramaStrip, packed_grey, packed_maps, region_of, unpacked_grey
 from savmap.vision.views import Region, Renderer
 
 WORKERS, DEPTH = 2, 3
@@ -125,15 +134,16 @@ def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monit
     """Drive along a clip; the errors of rows that cannot be measured, by the identity of their walks."""
     names = f"row {rows[0].name}" if len(rows) == 1 else f"rows {' and '.join(row.name for row in rows)}"
     report, text = DecodeReport(), f"{names}, {rows[0].plan.name}: measuring"
-    with Drive(rows, renderer) as drive:
+    with Drive(rows, renderer, report) as drive:
         try:
             total = expected_frames(clip, probe(clip.path, clip.images_fps))
-            with prefetch(panoramas(clip, 0, report), 1) as frames:
-                for panorama in monitor.each(frames, text, total):
+            known_s = drive.resume()
+            with prefetch(panoramas(clip, 0, report, known_s), 1) as frames:
+                for panorama in monitor.each(frames, text, total - len(known_s)):
                     drive.add(panorama)
                     if not drive.rows:
                         break
-            drive.finish(report)
+            drive.finish()
         except VideoError as error:
             drive.failures |= {id(row): error for row in drive.rows}
         for row in drive.rows:
@@ -146,11 +156,13 @@ class Drive:
     """Footage that is walked along once, for all rows that are seen in it. `add` takes the frames in order, and needs
     none of those that follow; `finish` ends it. Views are rendered and segmented ahead of their turn by other threads.
 
-    `rows`: the walks that still go on. `failures`: the errors of the others, by the identity of their walks.
+    `rows`: the walks that still go on. `failures`: the errors of the others, by the identity of their walks. `report`:
+    of the frames' decoding.
     """
 
-    def __init__(self, rows: "Sequence[RowWalk]", renderer: Renderer) -> None:
-        self.rows, self.renderer = list(rows), renderer
+    def __init__(self, rows: "Sequence[RowWalk]", renderer: Renderer, report: DecodeReport) -> None:
+        self.rows, self.renderer, self.report = list(rows), renderer, report
+        self._journal, self._series = rows[0].journal, drive_of(rows[0].name, rows[0].plan.name)
         self.failures: dict[int, SavmapError] = {}
         self._watch = PassWatch()
         self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
@@ -164,6 +176,26 @@ class Drive:
     ) -> None:
         self._pool.shutdown(cancel_futures=True)
 
+    def resume(self) -> list[float]:
+        """Take the first frames as far as an earlier run kept them, without their pictures: their times. None where
+        points or markers are followed in the pictures, or a frame is known to be lost."""
+        known = list[DriveFrame]()
+        while all(row.knows(len(known)) for row in self.rows):
+            frame = self._journal.get(DriveFrame, self._series, len(known))
+            if frame is None:
+                break
+            known.append(frame)
+        whole_until_s = max((frame.whole_until_s for frame in known), default=-np.inf)
+        known = [frame for frame in known if frame.stamp_s <= whole_until_s]
+        for number, frame in enumerate(known):
+            self._watch.take(frame.stamp_s, unpacked_grey(frame.grey))
+            for row in self.rows:
+                row.take_known(number, frame.stamp_s)
+        if known:
+            self.report.decoded = known[-1].decoded
+            self.report.decoded_by = [frame.decoded for frame in known]
+        return [frame.stamp_s for frame in known]
+
     def add(self, panorama: Panorama) -> None:
         """Take the next frame; its number is that in the drive."""
         self._ahead.append((panorama, self._pool.submit(self._rendered, panorama, tuple(self.rows))))
@@ -176,16 +208,19 @@ class Drive:
             self._take()
         return [row.walked() for row in self.rows]
 
-    def finish(self, report: DecodeReport) -> None:
-        """End the drive, of whose frames the report tells."""
+    def finish(self) -> None:
+        """End the drive."""
         while self._ahead:
             self._take()
-        self._for_each_row(lambda row: row.end(report, self._watch.steps))
+        self._for_each_row(lambda row: row.end(self.report, self._watch.steps))
 
     def _take(self) -> None:
         panorama, future = self._ahead.popleft()
         rendered = future.result()
-        self._watch.update(panorama)
+        grey = packed_grey(self._watch.update(panorama))
+        decoded = self.report.decoded_by[panorama.frame] if panorama.frame < len(self.report.decoded_by) else 0
+        kept = DriveFrame(panorama.stamp_s, grey, decoded, self.report.whole_until_s)
+        self._journal.add(self._series, panorama.frame, kept)
 
         def take(row: "RowWalk") -> None:
             shown = rendered[id(row)]
@@ -293,10 +328,19 @@ class RowWalk:
         cuts = [cut for cutter in self.cutters for cut in cutter.cut(panorama)]
         return shown, cuts, self._strip(panorama)
 
+    def knows(self, number: int) -> bool:
+        """Whether a frame of the drive need not be seen again."""
+        follows = bool(self.request.gauge_references.markers) or self.request.appearance
+        return not follows and self.journal.get(FrameRecord, self.name, self.first + number) is not None
+
+    def take_known(self, number: int, stamp_s: float) -> None:
+        """Take what an earlier run kept of a frame of the drive."""
+        record = self.journal.get(FrameRecord, self.name, self.first + number)
+        if record is not None:
+            self._keep(stamp_s, record)
+
     def take(self, panorama: Panorama, rendered: Rendered) -> None:
         """Measure in a frame, the next one. Plugins are asked by one thread, in order."""
-        self.stamps.append(panorama.stamp_s)
-        self.pass_of.append(self.plan.name)
         self.markers.update(panorama)
         if isinstance(rendered, FrameRecord):
             record, followed = rendered, tuple[View, ...]()
@@ -313,6 +357,12 @@ class RowWalk:
         for view in followed:
             if self.plan.locators().intersection(self.plan.plugins_by_view[view.spec]):
                 self.flow.update(view)
+        self._keep(panorama.stamp_s, record)
+
+    def _keep(self, stamp_s: float, record: FrameRecord) -> None:
+        """Keep what was measured in the next frame."""
+        self.stamps.append(stamp_s)
+        self.pass_of.append(self.plan.name)
         for name, features in self.features.items():
             features += record.features.get(name, ())
         for name, packed_views in self.packed_views.items():

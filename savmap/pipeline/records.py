@@ -43,6 +43,17 @@ class FrameRecord:
 
 
 @dataclass(frozen=True, eq=False)
+class DriveFrame:
+    """What a drive keeps of a frame for a run that is cut off: its time, a small grey picture (`packed_grey`) that tells
+    how the camera moves, how many frames of the video were decoded up to it, and up to which time none was lost."""
+
+    stamp_s: float
+    grey: bytes
+    decoded: int
+    whole_until_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
     known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
@@ -118,6 +129,11 @@ class WalkedRow(MeasuredRow):
     journal: Journal
     floor: tuple[PackedView, ...] = ()
     floor_views: Mapping[str, ViewSpec] = field(default_factory=dict)
+
+
+def drive_of(row: str, row_pass: str) -> str:
+    """What the series of a drive's frames is called in a journal: by the first row that is seen in it, and its pass."""
+    return f"{row}, {row_pass}, frames"
 
 
 def strips_of(row: str) -> str:

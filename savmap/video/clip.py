@@ -1,7 +1,7 @@
 """Records of footage: a part of a video, what a file holds, and how its decoding went."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -71,13 +71,16 @@ class VideoInfo:
 class DecodeReport:
     """Running count of one pass's frames: decoded within the range, skipped because damaged, lost or out of order
     (known when the pass has ended), used (sampled); the seconds of the range that the file turned out not to hold, and
-    the longest time without a frame where it is longer than the sampling explains (else 0)."""
+    the longest time without a frame where it is longer than the sampling explains (else 0). `decoded_by`: how many
+    frames were decoded when each of those used was. `whole_until_s`: up to where no frame was lost."""
 
     decoded: int = 0
     skipped: int = 0
     used: int = 0
     short_s: float = 0.0
     gap_s: float = 0.0
+    decoded_by: list[int] = field(default_factory=list)
+    whole_until_s: float = -np.inf
 
     @property
     def complete(self) -> bool:

@@ -28,7 +28,8 @@ from savmap.video.container import accelerator, configure, in_order, is_large, k
 TimedFrames = Iterator[tuple[float, VideoFrame]]
 
 INSTANT_S = 1e-6
-SEEK_MARGIN_S = 0.5
+SEEK_MARGIN_S, SETTLED_S = 0.5, 1.0
+"""How much earlier a search begins, and how much later than its neighbours a good frame may come."""
 PLANAR = {"yuv420p", "yuvj420p", "nv12"}
 UNSPECIFIED, JPEG_RANGE = 2, 2
 WEIGHTS = {1: (0.2126, 0.0722), 5: (0.299, 0.114), 6: (0.299, 0.114), 9: (0.2627, 0.0593), UNSPECIFIED: (0.299, 0.114)}
@@ -63,7 +64,7 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
         if start_s > 0:
             seek(container, stream, start_s - SEEK_MARGIN_S)
         reformatter = VideoReformatter()
-        expected: set[float] = set()
+        expected = _Expected()
         good: set[float] = set()
         already, repeated = report.skipped, 0
         for stamp, frame, follows in in_order(_frames(container, stream, expected), start_s, info):
@@ -73,9 +74,28 @@ def decode_file(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
             if follows and stamp >= start_s - INSTANT_S and _fits(frame, info):
                 report.decoded += 1
                 good.add(stamp)
+                expected.missing.discard(stamp)
+                if not repeated and not expected.lacks(start_s, stamp - SETTLED_S):
+                    report.whole_until_s = stamp - SETTLED_S
                 yield stamp, partial(picture_of, frame, reformatter)
         lost = {s for s in expected if start_s - INSTANT_S <= s < end_s - INSTANT_S} - good
         report.skipped = already + repeated + len(lost)
+
+
+class _Expected(set[float]):
+    """Times of packets that were read; `missing`: those that gave no good frame yet."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.missing: set[float] = set()
+
+    def add(self, stamp: float) -> None:
+        super().add(stamp)
+        self.missing.add(stamp)
+
+    def lacks(self, start_s: float, end_s: float) -> bool:
+        """Whether a frame of a range is missing."""
+        return any(start_s - INSTANT_S <= stamp < end_s for stamp in self.missing)
 
 
 def decode_at(info: VideoInfo, stamps_s: Sequence[float]) -> Iterator[tuple[float, Picture]]:

@@ -102,6 +102,7 @@ def read_folder(info: VideoInfo, start_s: float, end_s: float, report: DecodeRep
     for index, path in enumerate(picture_paths(info.path)):
         stamp = index / info.rate_fps
         if start_s - 1e-6 <= stamp < end_s - 1e-6:
+            report.whole_until_s = report.whole_until_s if report.skipped else stamp
             yield stamp, partial(_read, path, info, report)
 
 

@@ -208,15 +208,20 @@ class PassWatch:
         self._last: list[Grey] = []
         self._strip: StripFlow | None = None
 
-    def update(self, panorama: Panorama) -> None:
-        """Take the next frame."""
+    def update(self, panorama: Panorama) -> Grey:
+        """Take the next frame; the picture that is taken of it."""
         picture = small_grey(panorama, WIDTH)
+        self.take(panorama.stamp_s, picture)
+        return picture
+
+    def take(self, stamp_s: float, picture: Grey) -> None:
+        """Take the picture of the next frame."""
         if self._last:
-            motion, alike = self._step(self._stamps[-1], panorama.stamp_s, self._last[-1], picture)
+            motion, alike = self._step(self._stamps[-1], stamp_s, self._last[-1], picture)
             self._motions.append(motion)
             self._likeness.append(alike)
-            self._pass_over_a_bad_frame(panorama.stamp_s, picture)
-        self._stamps.append(panorama.stamp_s)
+            self._pass_over_a_bad_frame(stamp_s, picture)
+        self._stamps.append(stamp_s)
         self._last = [*self._last[-1:], picture]
 
     def _pass_over_a_bad_frame(self, stamp_s: float, picture: Grey) -> None:

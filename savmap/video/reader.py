@@ -1,7 +1,7 @@
 """Panoramas out of passes of video (paper, section III-A): sampled by time, decoded once, in order, one at a time."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -76,32 +76,41 @@ def expected_frames(clip: Clip, info: VideoInfo) -> int:
     return max(1, round((min(end, info.duration_s) - start) * sampling_fps(clip, info)))
 
 
-def panoramas(clip: Clip, first_frame: int = 0, report: DecodeReport | None = None) -> Iterator[Panorama]:
+def panoramas(
+    clip: Clip, first_frame: int = 0, report: DecodeReport | None = None, known_s: Sequence[float] = ()
+) -> Iterator[Panorama]:
     """A clip's panoramas, numbered from `first_frame`; `stamp_s` is the time in the video.
 
     The first frame of the range is used, then one per 1/fps by timestamp, so that every frame is used where the video
-    is slower. Damaged frames are skipped and counted in `report`. Raises VideoError as `probe` does, for a range
-    outside the video, and where nothing can be decoded.
+    is slower. Damaged frames are skipped and counted in `report`. `known_s`: times of the clip's first panoramas, which
+    are not decoded again; `report` tells of them. Raises VideoError as `probe` does, for a range outside the video, and
+    where nothing can be decoded.
     """
     report = DecodeReport() if report is None else report
     info = probe(clip.path, clip.images_fps)
     start, end = time_range(clip, info.duration_s)
-    last, gap = start, 0.0
+    last, gap = (known_s[-1], max(np.diff(known_s, prepend=start))) if known_s else (start, 0.0)
+    report.used += len(known_s)
+    report.decoded -= bool(known_s) and info.codec != "images"  # the last one is decoded again
     read = read_folder if info.codec == "images" else decode_file
-    for stamp, image in _sampled(read(info, start, end, report), clip.fps, report):
+    for stamp, image in _sampled(read(info, last, end, report), clip.fps, report, known_s):
         last, gap = stamp, max(gap, stamp - last)
+        report.decoded_by.append(report.decoded)
         yield panorama_of(first_frame + report.used - 1, stamp, image)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
     rate = sampling_fps(clip, info)
     report.short_s = missing_s(last, min(end, info.duration_s), rate)
-    report.gap_s = gap if gap > usual_gap_s(rate) else 0.0
+    report.gap_s = float(gap) if gap > usual_gap_s(rate) else 0.0
 
 
-def _sampled(frames: Source, fps: float, report: DecodeReport) -> Iterator[tuple[float, Picture]]:
-    """The first good frame of each tick of 1/fps counted from the first; stamps may jitter by a fifth of a tick."""
-    origin: float | None = None
-    last_tick = -1
+def _sampled(
+    frames: Source, fps: float, report: DecodeReport, known_s: Sequence[float]
+) -> Iterator[tuple[float, Picture]]:
+    """The first good frame of each tick of 1/fps counted from the first, after those that are known; stamps may jitter
+    by a fifth of a tick."""
+    origin = known_s[0] if known_s else None
+    last_tick = math.floor((known_s[-1] - known_s[0]) * fps + TICK_TOLERANCE) if known_s else -1
     for stamp, read in frames:
         origin = stamp if origin is None else origin
         tick = math.floor((stamp - origin) * fps + TICK_TOLERANCE)
