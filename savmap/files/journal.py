@@ -58,9 +58,9 @@ class TemporaryParts:
             raise OutputError(f"{self._path(part)}: cannot be written ({error.strerror})") from error
 
     def drop(self, part: int) -> bool:
-        there = self._path(part).is_file()
+        existed = self._path(part).is_file()
         self._path(part).unlink(missing_ok=True)
-        return there
+        return existed
 
     def _path(self, part: int) -> Path:
         return self._folder / str(part)

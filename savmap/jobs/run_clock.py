@@ -116,14 +116,16 @@ class RunClock:
         """Seconds that the run will still take; None while nothing tells."""
         with self._lock:
             timed = {
-                id(one): FrameCost.of([*one.ticks]) for one in self.groups.values() if len(one.ticks) >= LEAST_STEPS
+                id(one): FrameCost.of([*group.ticks])
+                for group in self.groups.values()
+                if len(group.ticks) >= LEAST_STEPS
             }
             if not timed:
                 return None
             usual = FrameCost(*np.mean([astuple(cost) for cost in timed.values()], axis=0).tolist())
-            costs = [(one, timed.get(id(one), usual)) for one in self.groups.values()]
-            left = [self._left_s(one, cost) for one, cost in costs if not one.done]
-        return _makespan_s(left, workers) + sum(cost.drawn_s(one.walk.frames) for one, cost in costs)
+            costs = [(group, timed.get(id(group), usual)) for group in self.groups.values()]
+            left = [self._left_s(group, cost) for group, cost in costs if not group.done]
+        return _makespan_s(left, workers) + sum(cost.drawn_s(group.walk.frames) for group, cost in costs)
 
     def _left_s(self, group: _Group, cost: FrameCost) -> float:
         """Of a group that is not done: never nothing."""

@@ -5,7 +5,7 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from typing import Any, Literal, TypeVar
@@ -111,8 +111,8 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 
 @dataclass(eq=False)
 class _Progress:
-    """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins that
-    failed in it. `wants_pictures`: whether pictures are made. `known`: by row, what an earlier run kept of it."""
+    """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins
+    that failed in it. `wants_pictures`: whether pictures are made. `earlier`: by row, what an earlier run kept of it."""
 
     job: Job
     cache: RowCache
@@ -122,7 +122,7 @@ class _Progress:
     clock: RunClock
     wants_pictures: bool = False
     keys: dict[str, str] = field(default_factory=dict)
-    known: dict[str, tasks.RowRecords] = field(default_factory=dict)
+    earlier: dict[str, tasks.RowRecords] = field(default_factory=dict)
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
     pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
@@ -133,18 +133,18 @@ class _Progress:
     def begin(self, group: Group) -> None:
         """Use what an earlier run kept of a group, and have the rest worked out."""
         self.keys |= {name: measurement_key(self.job, name) for name in group}
-        known = {name: self._known(name, solution_key(self.job, self._keys_of(group))) for name in group}
-        self.known |= known
-        if all(records.solved is not None for records in known.values()):
+        records_of = {name: self._known(name, solution_key(self.job, self._keys_of(group))) for name in group}
+        self.earlier |= records_of
+        if all(records.solved is not None for records in records_of.values()):
             self.monitor.note(f"kept from an earlier run: row {' and '.join(group)}")
-            if not any(self._lacks_picture(records) for records in known.values()):
+            if not any(self._lacks_picture(records) for records in records_of.values()):
                 self.clock.end(group)
-                for name, records in known.items():
+                for name, records in records_of.items():
                     self._show(name, records)
                 return
         frames = self._frames(group) if self.executor.shown is not None else None
         task = partial(tasks.map_task, with_pictures=self.wants_pictures, frames=frames)
-        self.executor.submit(group, task, self.job, known)
+        self.executor.submit(group, task, self.job, records_of)
 
     def rows_done(self, results: Iterable[tuple[Group, Any]]) -> Iterator[None]:
         """Take what tasks gave; an item for each row that is done with."""
@@ -157,8 +157,8 @@ class _Progress:
             counted = done
 
     def take(self, group: Group, result: tasks.TaskResult | BaseException) -> None:
-        """Keep what a task gave of its rows. What is not whole is not kept: where a plugin failed, it is tried again next
-        time."""
+        """Keep what a task gave of its rows. What is not whole is not kept: where a plugin failed, it is tried again
+        next time."""
         done = result if isinstance(result, tasks.TaskResult) else _crashed(group, result)
         self.clock.end(group)
         for line in done.notes:
@@ -196,7 +196,7 @@ class _Progress:
         """What a second run will not do again, in words; "" where nothing is kept."""
         if self._frames(self.groups[0]) is None:
             return ""
-        measured = [name for name, records in self.known.items() if records.measured and name not in self.solved]
+        measured = [name for name, records in self.earlier.items() if records.measured and name not in self.solved]
         said = [
             f"{_named(names)} ({stage})"
             for stage, names in (("mapped", [*self.solved]), ("measured", measured))
@@ -210,8 +210,8 @@ class _Progress:
         return ", ".join(said)
 
     def _known(self, name: str, solved_by: str) -> tasks.RowRecords:
-        """What an earlier run kept of a row. Where its pictures are wanted, and what they are made of is not kept, it is
-        measured anew."""
+        """What an earlier run kept of a row. Where its pictures are wanted, and what they are made of is not kept, it
+        is measured anew."""
         strips_by = strips_key(self.job, self.keys[name])
         strips = self._kept(name, STRIPS, RowStrips, strips_by)
         solved = self._kept(name, SOLVED, RowMap, solved_by)
@@ -219,10 +219,8 @@ class _Progress:
             self._kept(name, PICTURED, tasks.RowPicture, picture_key(strips_by, solved.content)) if solved else None
         )
         measured = self._kept(name, MEASURED, RowMeasurements, self.keys[name])
-        known = tasks.RowRecords(measured, strips, solved, pictured)
-        if self.wants_pictures and strips is None:
-            known = replace(known, measured=None, solved=solved if pictured else None)
-        return known
+        is_lost = self.wants_pictures and strips is None and pictured is None
+        return tasks.RowRecords(None if is_lost else measured, strips, solved, pictured)
 
     def _lacks_picture(self, records: tasks.RowRecords) -> bool:
         return self.wants_pictures and records.pictured is None
@@ -237,14 +235,14 @@ class _Progress:
 
     def _save(self, name: str, records: tasks.RowRecords, solved_by: str) -> None:
         """Keep what an earlier run did not."""
-        known, strips_by = self.known[name], strips_key(self.job, self.keys[name])
+        earlier, strips_by = self.earlier[name], strips_key(self.job, self.keys[name])
         solved = records.solved
         pictured_by = picture_key(strips_by, solved.content) if solved is not None else ""
         kept = [
-            (MEASURED, self.keys[name], records.measured, known.measured),
-            (STRIPS, strips_by, records.strips, known.strips),
-            (SOLVED, solved_by, solved, known.solved),
-            (PICTURED, pictured_by, records.pictured, known.pictured),
+            (MEASURED, self.keys[name], records.measured, earlier.measured),
+            (STRIPS, strips_by, records.strips, earlier.strips),
+            (SOLVED, solved_by, solved, earlier.solved),
+            (PICTURED, pictured_by, records.pictured, earlier.pictured),
         ]
         for stage, key, record, before in kept:
             if record is not None and before is None:

@@ -82,8 +82,8 @@ def map_task(
     with_pictures: bool = False,
     frames: Parts | None = None,
 ) -> TaskResult:
-    """All records of rows that are seen in the same frames, from those that an earlier run kept. `frames`: where what is
-    measured in single frames is kept meanwhile.
+    """All records of rows that are seen in the same frames, from those that an earlier run kept. `frames`: where what
+    is measured in single frames is kept meanwhile.
 
     Linear algebra runs in one thread: sums then do not depend on how many cores a machine has. In another process no
     error is let out at all.
@@ -131,7 +131,7 @@ class _Group:
         requests = [self.requests[row] for row in new]
         if with_strips:
             site = self.job.site
-            requests = [replace(one, strips=site.orthophotos, stills=site.panoramas) for one in requests]
+            requests = [replace(request, strips=site.orthophotos, stills=site.panoramas) for request in requests]
         with self._timed(MEASURED), Journal(frames) as journal:
             for row in new:
                 if count := journal.earlier[row]:
@@ -188,8 +188,8 @@ class _Group:
     def _sound(self) -> list[str]:
         return [row for row, records in self.rows.items() if records.failure is None]
 
-    def _update(self, row: str, **known: Any) -> None:
-        self.rows[row] = replace(self.rows[row], **known)
+    def _update(self, row: str, **stages: Any) -> None:
+        self.rows[row] = replace(self.rows[row], **stages)
 
     def _fail(self, request: RowRequest, error: SavmapError) -> None:
         failures = {**self.rows[request.name].plugins_failed, **failed(request.plugins)}

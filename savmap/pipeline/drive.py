@@ -179,22 +179,22 @@ class Drive:
     def resume(self) -> list[float]:
         """Take the first frames as far as an earlier run kept them, without their pictures: their times. None where
         points or markers are followed in the pictures, or a frame is known to be lost."""
-        known = list[DriveFrame]()
-        while all(row.knows(len(known)) for row in self.rows):
-            frame = self._journal.get(DriveFrame, self._series, len(known))
+        kept = list[DriveFrame]()
+        while all(row.knows(len(kept)) for row in self.rows):
+            frame = self._journal.get(DriveFrame, self._series, len(kept))
             if frame is None:
                 break
-            known.append(frame)
-        whole_until_s = max((frame.whole_until_s for frame in known), default=-np.inf)
-        known = [frame for frame in known if frame.stamp_s <= whole_until_s]
-        for number, frame in enumerate(known):
+            kept.append(frame)
+        whole_until_s = max((frame.whole_until_s for frame in kept), default=-np.inf)
+        kept = [frame for frame in kept if frame.stamp_s <= whole_until_s]
+        for number, frame in enumerate(kept):
             self._watch.take(frame.stamp_s, unpacked_grey(frame.grey))
             for row in self.rows:
                 row.take_known(number, frame.stamp_s)
-        if known:
-            self.report.decoded = known[-1].decoded
-            self.report.decoded_by = [frame.decoded for frame in known]
-        return [frame.stamp_s for frame in known]
+        if kept:
+            self.report.decoded = kept[-1].decoded
+            self.report.decoded_by = [frame.decoded for frame in kept]
+        return [frame.stamp_s for frame in kept]
 
     def add(self, panorama: Panorama) -> None:
         """Take the next frame; its number is that in the drive."""
@@ -389,7 +389,7 @@ class RowWalk:
                 facts=RowFacts(
                     self.name, FrameTable(np.array(self.stamps), tuple(self.pass_of)), self.views, self.travel
                 ),
-                features={name: [] if name in failures else list(found) for name, found in self.features.items()},
+                features={name: [] if name in failures else list(features) for name, features in self.features.items()},
                 attitudes={**self.attitudes, **self.request.attitudes},
                 locators=frozenset(self.locators),
                 notes=(*self.notes, *map(left_out, failures.values())),

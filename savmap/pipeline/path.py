@@ -66,8 +66,8 @@ def attitudes_of(measurements: RowMeasurements) -> Floats:
 
 
 class PluginAlone:
-    """A plugin and where the camera was by what it alone tracked, worked out once for the same features. `floor_share`: how high the camera is over the
-    floor, as a share of its distance from the plugin's upright plane, where the pictures told."""
+    """A plugin and where the camera was by what it alone tracked, worked out once for the same features.
+    `floor_share`: how high the camera is over the floor, as a share of its distance from the plugin's upright plane, where the pictures told."""
 
     def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
         self.row, self.plugin = row, plugin
@@ -78,7 +78,8 @@ class PluginAlone:
     def located(self, measurements: RowMeasurements) -> graph.LocatedCamera | None:
         """The camera's path and the landmarks; None where the plugin cannot be tracked at all.
 
-        The scale of the path may be an assumed one: no reference is used, for other references are no reason to look again.
+        The scale of the path may be an assumed one: no reference is used, for other references are no reason to look
+        again.
         """
         features = measurements.features[self.plugin.name]
         if features is not self._features:
@@ -86,13 +87,13 @@ class PluginAlone:
         return self._located
 
     def _locate(self, features: Sequence[Feature], measurements: RowMeasurements) -> graph.LocatedCamera | None:
-        alone, path = self.plugin.before_pixels(), self.row.path
+        plugin, path = self.plugin.before_pixels(), self.row.path
         bare = replace(self.row, references=References(), travel_m=None, calibration=None)
         try:
             start, frames = first_poses(bare, measurements)
             with warnings_held_back():
-                tracks = alone.track(features, measurements.facts, start.world_from_rig[:, :3, :3], path)
-                constraints = alone.constrain(tracks, measurements.facts, path or start)
+                tracks = plugin.track(features, measurements.facts, start.world_from_rig[:, :3, :3], path)
+                constraints = plugin.constrain(tracks, measurements.facts, path or start)
             return graph.locate_camera(graph.merge(frames, constraints, partial=True))
         except (StructureError, SolveError, SiteError, PluginFailedError):
             return None
@@ -100,18 +101,18 @@ class PluginAlone:
 
 @contextmanager
 def warnings_held_back() -> Iterator[None]:
-    """While this lasts, what plugins and libraries warn of in this thread is not told: what is used in the end is tracked once more,
-    and that is told."""
+    """While this lasts, what plugins and libraries warn of in this thread is not told: what is used in the end is
+    tracked once more, and that is told."""
     here = threading.get_ident()
 
-    def told(record: logging.LogRecord) -> bool:
+    def is_heard(record: logging.LogRecord) -> bool:
         return record.thread != here or record.levelno > logging.WARNING
 
     handlers = tuple(logging.getLogger().handlers)
     for handler in handlers:
-        handler.addFilter(told)
+        handler.addFilter(is_heard)
     try:
         yield
     finally:
         for handler in handlers:
-            handler.removeFilter(told)
+            handler.removeFilter(is_heard)

@@ -20,8 +20,8 @@ NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
 class SegmenterPool:
-    """Plugins' networks, of one row or of several. A file that several plugins name is loaded once, and a view that they share is segmented
-    once.
+    """Plugins' networks, of one row or of several. A file that several plugins name is loaded once, and a view that
+    they share is segmented once.
 
     `notes`: a line for each network that does not run on the processor, or not on the provider that was asked for.
     Raises ModelError where a network cannot be opened, or lacks a class that its plugin needs.

@@ -104,7 +104,7 @@ def test_what_cannot_be_located_is_worked_out_once(monkeypatch: pytest.MonkeyPat
         tries.append(1)
         raise SolveError("no")
 
-    monkeypatch.setattr(second_look, "first_poses", fails)
+    monkeypatch.setattr("savmap.pipeline.path.first_poses", fails)
     seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
     alone = PluginAlone(RowRequest("A", (), [loaded()], References()), loaded())
     assert alone.located(seen) is None

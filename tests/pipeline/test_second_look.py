@@ -14,8 +14,9 @@ from savmap.errors import StructureError
 from savmap.files.journal import Journal
 from savmap.graph import References
 from savmap.pipeline import second_look
+from savmap.pipeline.path import PluginAlone
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
-from savmap.pipeline.second_look import Expectation, PluginAlone, look_again, unexplained
+from savmap.pipeline.second_look import look_again
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
     Detection,
@@ -31,7 +32,8 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import NoteCollector
-from savmap.vision.evidence import PackedView
+from savmap.vision.evidence import PackedView, expectation
+from savmap.vision.evidence.expectation import Expectation, unexplained
 from savmap.vision.evidence.floor import FloorHeight
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
@@ -117,8 +119,8 @@ def looked(
 
 
 def test_frames_are_measured_where_objects_are_expected(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
-    expectation = Expectation([rectangle(0.8)], PATH)
-    measured, notes = looked(walked, watcher(), [expectation, None], monkeypatch)
+    expected = Expectation([rectangle(0.8)], PATH)
+    measured, notes = looked(walked, watcher(), [expected, None], monkeypatch)
     features = measured.features["one"]
     assert [feature.frame for feature in features] == list(range(COUNT))
     assert {feature.view for feature in features} == {SHOWN.name}
@@ -157,8 +159,8 @@ def test_frames_without_a_pose_are_not_measured_again(walked: WalkedRow, monkeyp
 
 
 def test_at_most_two_looks_are_taken(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
-    expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH)
-    left = [expectation] * 4
+    expected = Expectation([rectangle(0.8), rectangle(-0.8)], PATH)
+    left = [expected] * 4
     measured, notes = looked(walked, watcher(), left, monkeypatch)
     assert len(notes) == 2
     assert len(left) == 1
@@ -178,8 +180,8 @@ def test_what_is_absent_is_not_measured_beside_what_is_there(
 
 def test_what_is_not_tracked_after_the_last_look_is_doubted(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     tracked = {f"thing 1 / {end}": np.array([-0.8, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))}
-    expectation = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
-    measured, _ = looked(walked, watcher(), [expectation] * 3, monkeypatch)
+    expected = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
+    measured, _ = looked(walked, watcher(), [expected] * 3, monkeypatch)
     assert [doubt.line for doubt in measured.doubts] == [
         "all frames show something that is not mapped; look whether it is missing: light near thing 1"
     ]
@@ -308,7 +310,7 @@ def test_what_stands_over_others_that_lie_behind_does_so_too(
     def behind(part: PlanePatch, *others: object) -> bool:
         return not any(abs(part.origin[1] - y) < 0.1 for y in in_plane)
 
-    monkeypatch.setattr(second_look, "lies_behind", behind)
+    monkeypatch.setattr(expectation, "lies_behind", behind)
     plane = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.array([4.0, 2.0]), 0.02)
     y = -5.0 if tracked_at is None else tracked_at
     tracked = {f"thing 1 / {end}": np.array([x, y, 0.0]) for end, x in (("left", 0.0), ("right", 3.0))}
@@ -328,7 +330,7 @@ def test_what_meets_only_what_lies_behind_lies_behind_itself(
     def behind(part: PlanePatch, *others: object) -> bool:
         return not any(abs(part.origin[1] - y) < 0.1 for y in in_plane)
 
-    monkeypatch.setattr(second_look, "lies_behind", behind)
+    monkeypatch.setattr(expectation, "lies_behind", behind)
     plane = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.array([4.0, 2.0]), 0.02)
     across = [box((-0.1, 0.0), (-1.0, 2.0)), box((3.0, 3.1), (-1.0, 2.0))]
     along = [box((0.0, 3.0), (y, y + 0.1)) for y in (0.2, 0.8)]
