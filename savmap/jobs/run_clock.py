@@ -116,7 +116,7 @@ class RunClock:
         """Seconds that the run will still take; None while nothing tells."""
         with self._lock:
             timed = {
-                id(one): FrameCost.of([*group.ticks])
+                id(group): FrameCost.of([*group.ticks])
                 for group in self.groups.values()
                 if len(group.ticks) >= LEAST_STEPS
             }

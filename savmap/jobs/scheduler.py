@@ -112,7 +112,8 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 @dataclass(eq=False)
 class _Progress:
     """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins
-    that failed in it. `wants_pictures`: whether pictures are made. `earlier`: by row, what an earlier run kept of it."""
+    that failed in it. `wants_pictures`: whether pictures are made. `earlier`: by row, what an earlier run
+    kept of it."""
 
     job: Job
     cache: RowCache

@@ -67,7 +67,8 @@ def attitudes_of(measurements: RowMeasurements) -> Floats:
 
 class PluginAlone:
     """A plugin and where the camera was by what it alone tracked, worked out once for the same features.
-    `floor_share`: how high the camera is over the floor, as a share of its distance from the plugin's upright plane, where the pictures told."""
+    `floor_share`: how high the camera is over the floor, as a share of its distance from the plugin's upright plane,
+    where the pictures told."""
 
     def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
         self.row, self.plugin = row, plugin

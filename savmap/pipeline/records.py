@@ -45,7 +45,8 @@ class FrameRecord:
 @dataclass(frozen=True, eq=False)
 class DriveFrame:
     """What a drive keeps of a frame for a run that is cut off: its time, a small grey picture (`packed_grey`) that
-    tells how the camera moves, how many frames of the video were decoded up to it, and up to which time none was lost."""
+    tells how the camera moves, how many frames of the video were decoded up to it, and up to which time none was
+    lost."""
 
     stamp_s: float
     grey: bytes
