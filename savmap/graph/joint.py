@@ -20,22 +20,27 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
-from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
-from savmap.graph.factors.problem_factors import along, estimate_of, measurement_factors, other_factors, values_of
+from savmap.graph.covariance import Covariance, Covariances, covariance
+from savmap.graph.factors.problem_factors import along, estimate_of, other_factors, values_of
+from savmap.graph.factors.projections import Graph, Projections
 from savmap.graph.factors.scene import MARKERS
-from savmap.graph.keys import NO_ROW, camera_height_key, centre_key, frame_key, rekey, row_of, value_at, width_of
+from savmap.graph.keys import (
+    NO_ROW,
+    TRANSFORM,
+    camera_height_key,
+    frame_key,
+    rekey,
+    row_of,
+    value_at,
+    width_of,
+)
+from savmap.graph.normal_equations import SharedUnknowns
 from savmap.graph.problem import Problem
 from savmap.graph.references import CameraHeight
 from savmap.graph.solver.checks import checked
 from savmap.graph.solver.judgement.contradictions import UNCHECKED
 from savmap.graph.solver.judgement.reference_tests import tested_keys
-from savmap.graph.solver.levenberg_marquardt import (
-    KeyPosition,
-    aisle_positions,
-    hub_keys,
-    minimum,
-    ordering_of,
-)
+from savmap.graph.solver.levenberg_marquardt import minimum
 from savmap.graph.solver.optimise import (
     Iterate,
     bias_unknowns,
@@ -147,7 +152,7 @@ class JointRows:
         begin = [replace(iterate, problem=problem) for iterate, problem in zip(self.iterates, problems, strict=True)]
         values = self._begin(begin)
         graph = self._graph(begin, values, robust=True)
-        values = minimum(self._names, self._order(begin, values), graph, values)
+        values = minimum(self._names, graph, values)
         moved = [
             replace(_moved(iterate, values, row), problem=problem)
             for row, (iterate, problem) in enumerate(zip(self.iterates, problems, strict=True))
@@ -187,20 +192,8 @@ class JointRows:
             )
         return values
 
-    def _order(self, iterates: Sequence[Iterate], values: gtsam.Values) -> gtsam.Ordering:
-        """Variables by their positions along the aisle, in the frame of the first row of each group."""
-        aisle_from_row = {pair.b: (pair.a, values.atPose3(pair.key)) for pair in reversed(self.shared)}
-        positions, late = list[KeyPosition](), [pair.key for pair in self.shared]
-        for row, iterate in enumerate(iterates):
-            lead, transform = aisle_from_row.get(row, (row, gtsam.Pose3()))
-            if lead in aisle_from_row:
-                transform = aisle_from_row[lead][1].compose(transform)
-            positions += aisle_positions(iterate.problem, iterate.estimate, transform, row)
-            late += hub_keys(iterate.problem, row)
-        return ordering_of(positions, late)
-
-    def _graph(self, iterates: Sequence[Iterate], values: gtsam.Values, robust: bool) -> gtsam.NonlinearFactorGraph:
-        """All rows' factors and those of shared frames, the measurements' last."""
+    def _graph(self, iterates: Sequence[Iterate], values: gtsam.Values, robust: bool) -> Graph:
+        """All rows' factors, those of shared frames, and all rows' measurements."""
         graph = gtsam.NonlinearFactorGraph()
         for row, iterate in enumerate(iterates):
             others = other_factors(iterate.problem, iterate.estimate)
@@ -211,24 +204,21 @@ class JointRows:
                 graph.add(factor)
         for factor in equal_camera_heights([iterate.problem for iterate in iterates]):
             graph.add(factor)
-        for row, iterate in enumerate(iterates):
-            huber = iterate.huber[iterate.fit.kept] if robust else None
-            for factor in measurement_factors(iterate.kept, huber):
-                graph.add(rekey_factor(factor, row))
-        return graph
+        pixels = [
+            Projections.of(iterate.kept, iterate.huber[iterate.fit.kept] if robust else None, row)
+            for row, iterate in enumerate(iterates)
+        ]
+        return Graph(graph, Projections.joined(pixels))
 
     def _covariance(
         self, iterates: Sequence[Iterate], values: gtsam.Values, only: Collection[int] | None = None
     ) -> Covariance:
-        frames = [rekey(frame_key(f), row) for row, s in enumerate(iterates) for f in s.problem.used.tolist()]
-        centres = [rekey(centre_key(f), row) for row, s in enumerate(iterates) for f in s.problem.used.tolist()]
         biases = [bias_unknowns(iterate, None) for iterate in iterates]
         unknowns = SharedUnknowns(
             csc_array(block_diag([of_row.columns for of_row in biases])),
             *(np.concatenate([getattr(of_row, name) for of_row in biases]) for name in ("value", "prior", "free")),
         )
-        graph = self._graph(iterates, values, robust=False)
-        return covariance(graph, values, [*frames, *(pair.key for pair in self.shared)], centres, unknowns, only)
+        return covariance(self._graph(iterates, values, robust=False), values, unknowns, only)
 
 
 def _poses(iterate: Iterate, frames: Ints) -> Floats:
@@ -311,7 +301,7 @@ def shared_frames(frames: Sequence[Ints], moments: Sequence[Sequence[Hashable]])
                 pairs.setdefault((lead, row), []).append((number, frame))
     enough = [(rows, np.array(same, np.int64)) for rows, same in pairs.items() if len(same) >= LEAST_FRAMES]
     return [
-        SharedFrames(*rows, same[:, 0], same[:, 1], rekey(gtsam.symbol("t", number), NO_ROW))
+        SharedFrames(*rows, same[:, 0], same[:, 1], rekey(gtsam.symbol(TRANSFORM, number), NO_ROW))
         for number, (rows, same) in enumerate(enough)
     ]
 

@@ -12,7 +12,7 @@ import gtsam
 from savmap.types import Floats
 
 ORIGIN = int(gtsam.symbol("o", 0))
-FRAME, CENTRE, HEIGHT, POINT, POSE2, VECTOR3 = "x", "c", "m", "p", "q", "v"
+FRAME, CENTRE, HEIGHT, POINT, POSE2, VECTOR3, TRANSFORM = "x", "c", "m", "p", "q", "v", "t"
 NAME_BITS, ROW_BITS = 24, 48
 NO_ROW = 255
 
@@ -86,8 +86,9 @@ def row_of(key: int) -> int:
 
 
 def width_of(key: int) -> int:
-    """How many numbers a small step of a variable has: 6 for a frame's pose, 3 for all others."""
-    return 6 if is_frame(key) else 3
+    """How many numbers a small step of a variable has: 6 for a frame's pose or a transform of rows, 3 for all
+    others."""
+    return 6 if chr(gtsam.symbolChr(key)) in (FRAME, TRANSFORM) else 3
 
 
 def value_at(values: gtsam.Values, key: int) -> gtsam.Pose3 | Variable:

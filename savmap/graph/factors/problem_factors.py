@@ -1,4 +1,4 @@
-"""The problem as GTSAM's own compiled factors, and estimates as GTSAM values.
+"""The problem as GTSAM's own compiled factors beside its measured pixels, and estimates as GTSAM values.
 
 The position of each frame is a point variable beside its pose (`ReferenceFrameFactor` with the rig's origin), so that
 heights and motion are plain relations between points in the world's axes. Axes that a relation leaves free have no
@@ -12,6 +12,7 @@ import gtsam
 import numpy as np
 
 from savmap.graph.constraints import TIGHT_M, Relation
+from savmap.graph.factors.projections import Graph, Projections
 from savmap.graph.keys import ORIGIN, camera_height_key, centre_key, frame_key, variable_at
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem, first_poses
@@ -24,49 +25,9 @@ MOTION_M = 0.5
 HELD_M, HELD_RAD = 1e-4, 1e-5
 
 
-def measurement_factors(
-    measurements: ImageMeasurements, huber: float | Floats | None = HUBER
-) -> list[gtsam.NonlinearFactor]:
-    """One projection factor a measurement, with its full covariance, in Huber's loss, one or one each (n,), unless that
-    is None."""
-    lenses = [_calibration(spec.camera) for spec in measurements.views]
-    mounts = [gtsam.Pose3(gtsam.Rot3(spec.rig_from_view), np.zeros(3)) for spec in measurements.views]
-    poses = {frame: frame_key(frame) for frame in np.unique(measurements.frames).tolist()}
-    widths = np.broadcast_to(np.inf if huber is None else huber, len(measurements)).tolist()
-    losses = {width: gtsam.noiseModel.mEstimator.Huber.Create(width) for width in set(widths) if np.isfinite(width)}
-    rows = zip(
-        measurements.pixels,
-        np.linalg.cholesky(np.linalg.inv(measurements.covariances)).swapaxes(1, 2),
-        measurements.frames.tolist(),
-        measurements.keys.tolist(),
-        measurements.view.tolist(),
-        widths,
-        strict=True,
-    )
-    made: list[gtsam.NonlinearFactor] = []
-    for pixel, whiten, frame, key, view, width in rows:
-        gaussian = gtsam.noiseModel.Gaussian.SqrtInformation(whiten, False)
-        noise = gtsam.noiseModel.Robust.Create(losses[width], gaussian) if width in losses else gaussian
-        made.append(
-            gtsam.GenericProjectionFactorCal3_S2(
-                pixel, noise, poses[frame], key, lenses[view], False, False, mounts[view]
-            )
-        )
-    return made
-
-
-def _calibration(camera: Floats) -> gtsam.Cal3_S2:
-    return gtsam.Cal3_S2(camera[0, 0], camera[1, 1], 0.0, camera[0, 2], camera[1, 2])
-
-
-def whole_graph(
-    problem: Problem, at: Estimate, measurements: ImageMeasurements, huber: float | Floats | None
-) -> gtsam.NonlinearFactorGraph:
-    """All factors of a problem, those of `measurements` last; `at` and `huber` as below and above."""
-    graph = other_factors(problem, at)
-    for factor in measurement_factors(measurements, huber):
-        graph.add(factor)
-    return graph
+def whole_graph(problem: Problem, at: Estimate, measurements: ImageMeasurements, huber: float | Floats | None) -> Graph:
+    """All factors of a problem, and `measurements`; `at` as below, and `huber` as in `Projections.of`."""
+    return Graph(other_factors(problem, at), Projections.of(measurements, huber))
 
 
 def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:

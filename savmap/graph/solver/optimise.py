@@ -1,4 +1,4 @@
-"""The solve: GTSAM's Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change; and
+"""The solve: Levenberg-Marquardt with Huber's loss, then again without outliers, until these do not change; and
 without frames that were solved far from those before and after them.
 
 In such a frame too little was seen, and a camera does not leap. The frame fits its few measurements wherever it is, so
@@ -15,13 +15,14 @@ from scipy.sparse import coo_array, csc_array
 
 from savmap.errors import SolveError
 from savmap.graph.calibration import calibration_report
-from savmap.graph.covariance import Covariance, Covariances, SharedUnknowns, covariance
+from savmap.graph.covariance import Covariance, Covariances, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
+from savmap.graph.factors.projections import Graph
 from savmap.graph.initial.observability import SCALE_LIMIT, UnknownScaleError, robust_fit
 from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
-from savmap.graph.keys import centre_key, frame_key
 from savmap.graph.measurements import ImageMeasurements
+from savmap.graph.normal_equations import Equations, Layout, Reduced, SharedUnknowns
 from savmap.graph.problem import Estimate, Problem, frames_of
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
 from savmap.graph.solver.judgement.lookalikes import measured_for
@@ -32,7 +33,7 @@ from savmap.graph.solver.judgement.reference_tests import (
     tested_keys,
 )
 from savmap.graph.solver.judgement.soft_references import softened
-from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, aisle_ordering, minimum
+from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, minimum
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
 from savmap.types import Bools, Doubt, Floats, Ints, Trajectory
@@ -285,7 +286,7 @@ def _cost(iterate: Iterate, inflation: Floats) -> float:
     """Half the sum of squared residuals, in sigmas, of all references and, by Huber's loss, of all measurements."""
     measurements = iterate.problem.measurements.inflated(inflation)
     graph = whole_graph(iterate.problem, iterate.estimate, measurements, HUBER)
-    return float(graph.error(values_of(iterate.problem, iterate.estimate)))
+    return graph.error(values_of(iterate.problem, iterate.estimate))
 
 
 def _rounds(
@@ -304,14 +305,14 @@ def _rounds(
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
         huber = None if huber is None else begun.huber
-    row = f"row {problem.camera.facts.name}"
+    row, reduced = f"row {problem.camera.facts.name}", None
     for number in range(options.rounds):
         near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
         weighed = corrected.measurements.inflated(weight).take(kept)
         graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
-        order, begin = aisle_ordering(corrected, estimate), values_of(corrected, estimate)
-        values = minimum(row, order, graph, begin, options.max_iterations, FINE if near else ROUGH)
+        begin = values_of(corrected, estimate)
+        values = minimum(row, graph, begin, options.max_iterations, FINE if near else ROUGH, reduced)
         estimate = estimate_of(corrected, values, estimate)
         corrected = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(corrected, estimate, kept, options.reject_sigma)
@@ -320,7 +321,7 @@ def _rounds(
         weight = iterate.inflation
         yield iterate
         huber = None if huber is None else iterate.huber
-        step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
+        step, reduced = _bias_step(iterate, huber) if number + 1 < options.rounds else (np.zeros(len(bias)), None)
         if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
@@ -340,13 +341,39 @@ def estimated_biases(iterate: Iterate) -> tuple[Floats, Floats]:
     return iterate.bias + joint.step, joint.shared
 
 
-def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
-    """The step that brings the free biases (k,) to their optimum; zeros where that is near."""
-    if not iterate.problem.measurements.biases.free.any():
-        return np.zeros(len(iterate.bias))
-    joint = _covariance(iterate, huber, ())
-    near = np.abs(joint.step) <= SETTLED_BIAS * np.sqrt(np.diag(joint.shared))
-    return np.zeros(len(iterate.bias)) if near.all() else joint.step
+def stepped(problem: Problem, iterate: Iterate, reject_sigma: float = SolveOptions.reject_sigma) -> Iterate:
+    """After one Gauss-Newton step of all unknowns of a problem and its free biases, from an iterate that is corrected
+    for its own; what fits, and the weights, are judged anew."""
+    step, layout, _ = _whole_step(iterate, iterate.huber)
+    moved = layout.moved(values_of(iterate.problem, iterate.estimate), step[: layout.size])
+    estimate, bias = estimate_of(problem, moved, iterate.estimate), iterate.bias.copy()
+    bias[problem.measurements.biases.free] += step[layout.size :]
+    corrected = problem.without(bias, estimate.poses, estimate.points)
+    fit = fit_of(corrected, estimate, iterate.fit.kept, reject_sigma)
+    return Iterate(corrected, bias, estimate, fit, persistence(corrected, fit))
+
+
+def _whole_step(iterate: Iterate, huber: Floats | None) -> tuple[Floats, Layout, Reduced]:
+    """The Gauss-Newton step of all variables, as they are laid out, and then of the free biases; and the elimination of
+    the normal equations that gave it."""
+    values = values_of(iterate.problem, iterate.estimate)
+    layout, unknowns = Layout.of(values), bias_unknowns(iterate, huber).estimated()
+    equations = Equations.of(_graph_of(iterate, huber), values, layout, unknowns)
+    reduced = equations.reduced()
+    return reduced.solve(equations.right), layout, reduced
+
+
+def _bias_step(iterate: Iterate, huber: Floats | None) -> tuple[Floats, Reduced | None]:
+    """The step that brings the free biases (k,) to their optimum, zeros where that is near; and the elimination of the
+    normal equations that gave it."""
+    free, step = np.flatnonzero(iterate.problem.measurements.biases.free), np.zeros(len(iterate.bias))
+    if not len(free):
+        return step, None
+    whole, layout, reduced = _whole_step(iterate, huber)
+    estimated = whole[layout.size :]
+    if (np.abs(estimated) > SETTLED_BIAS * np.sqrt(np.diag(reduced.last(len(free))))).any():
+        step[free] = estimated
+    return step, reduced
 
 
 def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
@@ -358,12 +385,14 @@ def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
 
 
 def _covariance(iterate: Iterate, huber: Floats | None, only: Collection[int] | None = None) -> Covariance:
-    loss = None if huber is None else huber[iterate.fit.kept]
-    graph = whole_graph(iterate.problem, iterate.estimate, iterate.kept, loss)
-    used = iterate.problem.used.tolist()
-    frames, centres = [frame_key(frame) for frame in used], [centre_key(frame) for frame in used]
     values = values_of(iterate.problem, iterate.estimate)
-    return covariance(graph, values, frames, centres, bias_unknowns(iterate, huber), only)
+    return covariance(_graph_of(iterate, huber), values, bias_unknowns(iterate, huber), only)
+
+
+def _graph_of(iterate: Iterate, huber: Floats | None) -> Graph:
+    """The graph of what is kept, in Huber's loss unless that is None."""
+    loss = None if huber is None else huber[iterate.fit.kept]
+    return whole_graph(iterate.problem, iterate.estimate, iterate.kept, loss)
 
 
 def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
@@ -378,7 +407,7 @@ def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
 
 def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
     """Derivatives (2n, k) of whitened errors (n, 2), in Huber's loss, to biases: pixels move by `slopes` (n, 2, s)."""
-    whiten = np.swapaxes(np.linalg.cholesky(np.linalg.inv(measurements.covariances)), 1, 2)
+    whiten = np.linalg.inv(np.linalg.cholesky(measurements.covariances))
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
     biases = measurements.biases
