@@ -13,7 +13,7 @@ from bench.index import BENCHES, README, index, readme
 from savmap.errors import ending_in_one_line
 from savmap.files.atomic import write_text
 
-PATHS = ("--keep", "--output", "-o", "--photos", "--cache")
+PATHS = ("--keep", "--output", "-o", "--photos", "--cache", "--flame")
 """Options that say where files are, and change no figure."""
 
 

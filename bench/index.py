@@ -78,7 +78,7 @@ BENCHES: Mapping[str, Bench] = {
         {"IoU": "more", "missing": "less", "spurious": "less"},
     ),
     "dark-pictures": Bench("(a tool) Labelled pictures of dark, thin racks for fine-tuning", 2),
-    "throughput": Bench("What does each stage of `savmap map` cost, against decoding alone?", 5),
+    "cost": Bench("What do `savmap map` and each stage of it cost, beside decoding alone?", 20),
     "viewer": Bench("Does the viewer of a large site open and turn quickly?", 2, {"MB": "less"}),
     "exports": Bench("What do all formats cost, and do validators find fault with them?", 3, {"faults": "less"}),
 }
