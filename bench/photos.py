@@ -1,6 +1,6 @@
 """What a network sees on photographs of real racks that were labelled by hand (docs/photographs.md).
 
-    python -m bench photos [--model FILE ...] [--ways letterboxed tiles scales] [--labels DIR --pictures DIR]
+    python -m bench photos [--set dev|unseen] [--model FILE ...] [--ways letterboxed tiles scales] [--labels DIR --pictures DIR]
 
 Without `--model` all networks that the plugin comes with are measured: mapping takes the one that sees more of a row. Three ways of showing a
 photograph: `letterboxed`, scaled as a whole into a view of 640x480; `tiles`, scaled so that its median front member is 10 px thick and cut into
@@ -16,7 +16,10 @@ wide); a pixel has a class by the plugin's three thresholds, as in mapping, or w
 - found, by the contrast of members to what lies beside them, in grey levels.
 
 Labels are LabelMe's (`savmap label`), with `flags.front` of each shape. A shape covers what lay there before; the label `background` stands for
-goods that hide a member. Corners lie between pixels: pixel i reaches from i to i + 1. All these photographs may be looked at (set `dev`).
+goods that hide a member. Corners lie between pixels: pixel i reaches from i to i + 1.
+
+Photographs of the set `dev` may be looked at, and each has a line of figures. Those of `unseen` are for the last word on a network: only
+totals are printed, and nothing is to be chosen or mended by any one of them.
 """
 
 import argparse
@@ -43,6 +46,8 @@ from savmap.vision.masks import connected_regions, hysteresis
 from savmap.vision.networks.segmenter import Segmenter
 
 DATA = Path(__file__).parent / "photo_data"
+SETS = {"dev": ("photos.json", "labels"), "unseen": ("unseen.json", "unseen")}
+"""Lists of photographs and folders of their labels in DATA. Figures of one photograph are shown of `dev` alone."""
 Bytes = NDArray[np.uint8]
 CUT = {"upright"}
 """Classes whose members are drawn in several pieces, because others cross them: pieces in line are one member."""
@@ -453,12 +458,12 @@ def counted(members: Sequence[Seen]) -> Count:
     return Count(sum(member.found for member in members), len(members))
 
 
-def indexed(folder: Path, cache: Path, classes: Sequence[str]) -> Iterator[Photograph]:
-    """The photographs that a folder's `photos.json` lists, with the labels of the same names in `labels/`. Raises SavmapError."""
-    entries = read_json(folder / "photos.json")
+def indexed(index: Path, labels: Path, cache: Path, classes: Sequence[str]) -> Iterator[Photograph]:
+    """The photographs that a list names, with the labels of the same names in a folder. Raises SavmapError."""
+    entries = read_json(index)
     assert isinstance(entries, list)
     for entry in entries:
-        yield labelled(folder / "labels" / f"{entry['name']}.json", scaled(photo(entry, cache)), classes)
+        yield labelled(labels / f"{entry['name']}.json", scaled(photo(entry, cache)), classes)
 
 
 def others(labels: Path, pictures: Path, classes: Sequence[str]) -> Iterator[Photograph]:
@@ -526,6 +531,7 @@ def predictor(segmenter: Segmenter, classes: Sequence[str]) -> Predict:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
+    parser.add_argument("--set", choices=list(SETS), default="dev", help="of `unseen` only totals are printed")
     parser.add_argument("--model", type=Path, action="append", help="instead of the plugin's networks; may be repeated")
     parser.add_argument("--plugin", default="shelves", help="whose network and classes")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
@@ -537,30 +543,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> Figures:
-    """Figures by network, way and class; the table of photographs is printed as it is measured."""
+    """Figures by network, way and class; the table of photographs, if they may be looked at, is printed as it is measured."""
     cv2.setNumThreads(given.threads)
     classes = tuple(load_class(given.plugin).classes)
     if given.labels is None:
-        photographs = list(indexed(DATA, given.cache, classes))
+        index, labels = SETS[given.set]
+        photographs = list(indexed(DATA / index, DATA / labels, given.cache, classes))
     else:
         photographs = list(others(given.labels, given.pictures or given.labels, classes))
+    each = given.labels is not None or given.set == "dev"
     figures: dict[str, dict[str, float]] = {}
     for model in given.model or networks(given.plugin):
         segmenter = Segmenter(model, given.threads, providers=("cpu",))
         for way in given.ways:
-            total = shown(segmenter, photographs, way, classes, thresholds(given))
+            total = shown(segmenter, photographs, way, classes, thresholds(given), each)
             figures |= {f"{model.name}, {way}, {name}": part.figures() for name, part in total.items()}
     return figures
 
 
 def shown(
-    segmenter: Segmenter, photographs: Sequence[Photograph], way: str, classes: Sequence[str], thresholds: Thresholds
+    segmenter: Segmenter,
+    photographs: Sequence[Photograph],
+    way: str,
+    classes: Sequence[str],
+    thresholds: Thresholds,
+    each: bool,
 ) -> Totals:
-    """Print a line for each photograph as it is measured; the totals."""
+    """Print a line of figures for all photographs together and, with `each`, for each one as it is measured; the totals."""
     print(f"{segmenter.path.name}, {way}: IoU, found, wrong of {', '.join(classes)}")
     scores: list[Score] = []
     for name, part in measured(predictor(segmenter, classes), photographs, way, classes, thresholds):
         scores.append(part)
-        cells = (f"{one.iou:.2f} {one.found} {one.wrong}" for one in totals([part], classes).values())
-        print(f"{name[:30]:30s}  {'   '.join(cells)}", flush=True)
-    return totals(scores, classes)
+        if each:
+            print(_line(name, totals([part], classes)), flush=True)
+    together = totals(scores, classes)
+    print(_line(f"all {len(scores)}", together), flush=True)
+    return together
+
+
+def _line(name: str, figures: Totals) -> str:
+    cells = (f"{one.iou:.2f} {one.found} {one.wrong}" for one in figures.values())
+    return f"{name[:30]:30s}  {'   '.join(cells)}"

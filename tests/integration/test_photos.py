@@ -1,6 +1,7 @@
 """`python -m bench photos`: what counts as found, wrong and judged on labelled photographs, and how photographs are shown to a network."""
 
 import argparse
+import hashlib
 import json
 from itertools import pairwise
 from pathlib import Path
@@ -232,19 +233,60 @@ def _made(folder: Path, image: Bytes) -> Path:
     return labels
 
 
-def test_photographs_of_the_repository_can_be_measured() -> None:
+def test_unseen_photographs_have_no_line_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from bench import photos
+
+    _made(tmp_path, rack())
+    content = (tmp_path / "made.png").read_bytes()
+    sha256 = hashlib.sha256(content).hexdigest()
+    (tmp_path / f"{sha256}.png").write_bytes(content)
+    (tmp_path / "photos.json").write_text(json.dumps([{"name": "made", "path": "made.png", "sha256": sha256}]))
+    monkeypatch.setattr(photos, "DATA", tmp_path)
+    monkeypatch.setattr(photos, "SETS", dict.fromkeys(photos.SETS, ("photos.json", "labels")))
+    printed: dict[str, str] = {}
+    for name in photos.SETS:
+        parser = argparse.ArgumentParser()
+        photos.add_arguments(parser)
+        photos.run(parser.parse_args(["--set", name, "--cache", str(tmp_path), "--ways", "letterboxed"]))
+        printed[name] = capsys.readouterr().out
+    assert "made" in printed["dev"]
+    assert "made" not in printed["unseen"]
+    assert "all 1 " in printed["unseen"]
+
+
+@pytest.mark.parametrize(
+    ("folder", "index", "labels"),
+    [
+        (BENCH / "photo_data", "photos.json", "labels"),
+        (BENCH / "photo_data", "unseen.json", "unseen"),
+        (ROOT / "plugins" / "shelves" / "training", "photos.json", "labels"),
+    ],
+)
+def test_listed_photographs_are_labelled(folder: Path, index: str, labels: str) -> None:
     from bench.photos import read_pieces
 
-    entries = json.loads((BENCH / "photo_data" / "photos.json").read_text())
-    assert len(entries) >= 25
-    assert len({entry["repository"] for entry in entries}) >= 10
+    entries = json.loads((folder / index).read_text())
     assert len({entry["sha256"] for entry in entries}) == len(entries)
     names = [entry["name"] for entry in entries]
-    assert sorted(path.stem for path in (BENCH / "photo_data" / "labels").iterdir()) == sorted(names)
+    assert sorted(path.stem for path in (folder / labels).iterdir()) == sorted(names)
     for entry in entries:
         assert not any(name in entry["path"] for name in KEPT)
         assert len(entry["commit"]) == 40
         assert len(entry["sha256"]) == 64
-        pieces = read_pieces(BENCH / "photo_data" / "labels" / f"{entry['name']}.json")
+        pieces = read_pieces(folder / labels / f"{entry['name']}.json")
         assert {piece.label for piece in pieces} <= {*CLASSES, "background", "ignore"}
-        assert {piece.label for piece in pieces if piece.front} & set(CLASSES)
+        if folder == BENCH / "photo_data":
+            assert {piece.label for piece in pieces if piece.front} & set(CLASSES)
+
+
+def test_no_photograph_is_in_two_lists() -> None:
+    data, training = BENCH / "photo_data", ROOT / "plugins" / "shelves" / "training"
+    dev, unseen, trained = (
+        json.loads(path.read_text()) for path in (data / "photos.json", data / "unseen.json", training / "photos.json")
+    )
+    assert len(dev) >= 25
+    assert len({entry["repository"] for entry in dev}) >= 10
+    assert not {e["repository"] for e in unseen} & {e["repository"] for e in [*dev, *trained]}
+    assert not {e["sha256"] for e in dev} & {e["sha256"] for e in trained}
