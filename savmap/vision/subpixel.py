@@ -58,7 +58,8 @@ RADIANCE = _radiance()
 @array_record
 class Pieces:
     """Short pieces of edges, in view pixels: the number of its edge (n,), from 0; middle u and v (n,), slope (n,), half
-    length (n,). `stands`: u is the row and v the column, else u is the column."""
+    length (n,). `stands`: u is the row and v the column, else u is the column. `wanted`: the numbers of those (k,) that
+    are to be measured."""
 
     edge: Ints
     u: Floats
@@ -66,12 +67,13 @@ class Pieces:
     slope: Floats
     half: Floats
     stands: bool
+    wanted: Ints
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class Profiles:
-    """Radiance (n, 2 reach + 1), 0..1, across n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart,
+    """Radiance (k, 2 reach + 1), 0..1, across the k wanted of n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart,
     the edge in the middle; and how many panorama pixels one view pixel across is (n,).
 
     Lenses and pixels mix radiance, not grey values: across a blurred edge, grey values are not symmetric, radiance is.
@@ -82,7 +84,7 @@ class Profiles:
 
     @property
     def grey(self) -> Singles:
-        """The grey values (n, 2 reach + 1), 0..255, that show this radiance."""
+        """The grey values (k, 2 reach + 1), 0..255, that show this radiance."""
         return np.interp(self.radiance, RADIANCE, np.arange(256)).astype(np.float32)
 
     @property
@@ -91,7 +93,9 @@ class Profiles:
         return int(self.radiance.shape[1] // 2)
 
 
-def pieces_of(lines: Lines, first: Floats, last: Floats, stands: bool, length_px: tuple[float, float]) -> Pieces:
+def pieces_of(
+    lines: Lines, first: Floats, last: Floats, stands: bool, length_px: tuple[float, float], wanted: Bools
+) -> Pieces:
     """Pieces of lines (g,) between `first` and `last` (g,): twelve or more each, `length_px` at least and at most."""
     span = np.maximum(last - first, 0.0)
     count = np.maximum(span // np.clip(span / 12, *length_px), 0).astype(np.int64)
@@ -99,13 +103,13 @@ def pieces_of(lines: Lines, first: Floats, last: Floats, stands: bool, length_px
     number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
     half = span / np.maximum(count, 1) / 2
     u = first[edge] + (2 * number + 1) * half[edge]
-    return Pieces(edge, u, lines[edge].at(u), lines.slope[edge], half[edge], stands)
+    return Pieces(edge, u, lines[edge].at(u), lines.slope[edge], half[edge], stands, np.flatnonzero(wanted[edge]))
 
 
 def profiles_of(
     panorama: Panorama, spec: ViewSpec, groups: Sequence[Pieces], reach_px: float, least: float
 ) -> list[Profiles]:
-    """Profiles across each group's pieces (n >= 1), `reach_px` view pixels to either side but `least` panorama pixels
+    """Profiles across each group's wanted pieces (k >= 1), `reach_px` view pixels to either side but `least` panorama pixels
     anyhow.
 
     The part of the panorama that they all lie in is decoded once.
@@ -121,7 +125,7 @@ def profiles_of(
 @dataclass(frozen=True, eq=False)
 @array_record
 class _Patches:
-    """Where n pieces are sampled: panorama pixels (2, n, 9) of each patch's nodes, and what each of its samples, `rows`
+    """Where k of n pieces are sampled: panorama pixels (2, k, 9) of each patch's nodes, and what each of its samples, `rows`
     along the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
 
     nodes: Singles
@@ -229,9 +233,10 @@ def _scales(spec: ViewSpec, pieces: Pieces, height: int) -> tuple[Floats, Floats
 
 
 def _nodes(spec: ViewSpec, pieces: Pieces, reach_px: Floats, height: int) -> Floats:
-    """Exact panorama pixels (2, n, 9) of the corners, middles of the sides, and middle of each piece's patch."""
-    along, across = NODES[:, :, None] * np.array([pieces.half, reach_px])[:, None]
-    u, v = pieces.u + along, pieces.v + pieces.slope * along + across
+    """Exact panorama pixels (2, k, 9) of the corners, middles of the sides, and middle of each patch."""
+    at = pieces.wanted
+    along, across = NODES[:, :, None] * np.array([pieces.half[at], reach_px[at]])[:, None]
+    u, v = pieces.u[at] + along, pieces.v[at] + pieces.slope[at] * along + across
     return _panorama_pixels(spec, u, v, pieces.stands, height).transpose(0, 2, 1)
 
 
@@ -296,7 +301,8 @@ class Edges:
     """g edges of masks: lines v(u) in view pixels; `first` and `last` u (g,) of the mask; `inside` (g,): +1 where the
     object lies at larger v, -1 at smaller; its `thickness` (g,) in pixels; `flank` (g,), the tangent of the angle at
     which its side face is visible beyond the edge, 0 where it is not; `stands`: u is the row and v the column;
-    `patterned`: objects have a pattern along them, such as rows of holes.
+    `patterned`: objects have a pattern along them, such as rows of holes; `wanted` (g,): those to be measured, where
+    not all are.
     """
 
     lines: Lines
@@ -307,6 +313,7 @@ class Edges:
     flank: Floats
     stands: bool
     patterned: bool = False
+    wanted: Bools | None = None
 
     @property
     def middle(self) -> Floats:
@@ -342,11 +349,11 @@ def measured(
     """
     settings = settings or Subpixel()
     cut = [_pieces(edges, settings) for edges in groups]
-    with_pieces = [pieces for pieces in cut if len(pieces.edge)]
+    with_pieces = [pieces for pieces in cut if len(pieces.wanted)]
     profiles = iter(profiles_of(panorama, spec, with_pieces, settings.reach_px, LEAST_REACH))
     return [
         _measured(edges, pieces, next(profiles), settings)
-        if len(pieces.edge)
+        if len(pieces.wanted)
         else (_as_masked(edges, settings), np.zeros(len(edges.first), dtype=np.bool_))
         for edges, pieces in zip(groups, cut, strict=True)
     ]
@@ -354,7 +361,8 @@ def measured(
 
 def _pieces(edges: Edges, settings: Subpixel) -> Pieces:
     trim = np.minimum(settings.end_trim_px, edges.half / 4)
-    return pieces_of(edges.lines, edges.first + trim, edges.last - trim, edges.stands, settings.piece_px)
+    wanted = np.ones(len(trim), np.bool_) if edges.wanted is None else edges.wanted
+    return pieces_of(edges.lines, edges.first + trim, edges.last - trim, edges.stands, settings.piece_px, wanted)
 
 
 def _measured(edges: Edges, pieces: Pieces, profiles: Profiles, settings: Subpixel) -> tuple[Lines, Bools]:
@@ -385,16 +393,17 @@ def _changes(profiles: Profiles, pieces: Pieces, edges: Edges, settings: Subpixe
     size = np.abs(_derivative(profiles.radiance))
     before, here, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
     peak = (here > before) & (here >= after) & (np.abs(slope[:, 1:-1]) > settings.least_contrast)
-    piece, sample = np.nonzero(peak)
-    before, here, after = before[piece, sample], here[piece, sample], after[piece, sample]
+    row, sample = np.nonzero(peak)
+    before, here, after = before[row, sample], here[row, sample], after[row, sample]
     vertex = (before - after) / np.minimum(2 * (before - 2 * here + after), -1e-12)
+    piece = pieces.wanted[row]
     away = (sample + 1 + np.clip(vertex, -0.5, 0.5) - profiles.reach) * ACROSS_STEP / profiles.scale[piece]
     near = np.abs(away) <= np.maximum(settings.reach_px, LEAST_REACH / profiles.scale[piece])
-    piece, sample = piece[near], sample[near]
+    piece, row, sample = piece[near], row[near], sample[near]
     edge = pieces.edge[piece]
     along = (pieces.u[piece] - edges.middle[edge]) / edges.half[edge]
     inside = edges.inside[edge]
-    return Changes(edge, along, away[near] * inside, slope[piece, sample + 1] * inside, profiles.scale[piece])
+    return Changes(edge, along, away[near] * inside, slope[row, sample + 1] * inside, profiles.scale[piece])
 
 
 def _derivative(values: Singles) -> Singles:

@@ -137,9 +137,9 @@ def second_readings(panorama: Panorama, spec: ViewSpec, beams: Strips, axes: Flo
     kept = [one for one in found if one.inner and one.share >= ALL_ALONG]
     unsure = [one for one in found if not (one.inner and one.share >= ALL_ALONG)]
     if unsure:
-        first = measured(panorama, spec, [stretches.edges(places.first, places.height)], _settings(places, AGREE, 1.0))[
-            0
-        ]
+        asked = np.isin(np.arange(len(stretches.edge)), np.concatenate([one.stretches for one in unsure]))
+        edges = replace(stretches.edges(places.first, places.height), wanted=asked)
+        first = measured(panorama, spec, [edges], _settings(places, AGREE, 1.0))[0]
         off = np.abs(first[0].at(stretches.middle) - places.first[stretches.edge].at(stretches.middle))
         shown = first[1] & (off < np.maximum(AGREE * places.height[stretches.edge], LEAST_WITHIN_PX))
         kept += [one for one in unsure if shown[one.stretches].mean() <= MOST_BOTH]
