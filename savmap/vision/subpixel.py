@@ -73,7 +73,8 @@ class Pieces:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Profiles:
-    """Radiance (k, 2 reach + 1), 0..1, across the k wanted of n pieces, from smaller to larger v, `ACROSS_STEP` panorama pixels apart,
+    """Radiance (k, 2 reach + 1), 0..1, across the k wanted of n pieces, from smaller to larger v, `ACROSS_STEP`
+    panorama pixels apart,
     the edge in the middle; and how many panorama pixels one view pixel across is (n,).
 
     Lenses and pixels mix radiance, not grey values: across a blurred edge, grey values are not symmetric, radiance is.
@@ -109,7 +110,8 @@ def pieces_of(
 def profiles_of(
     panorama: Panorama, spec: ViewSpec, groups: Sequence[Pieces], reach_px: float, least: float
 ) -> list[Profiles]:
-    """Profiles across each group's wanted pieces (k >= 1), `reach_px` view pixels to either side but `least` panorama pixels
+    """Profiles across each group's wanted pieces (k >= 1), `reach_px` view pixels to either side but
+    `least` panorama pixels
     anyhow.
 
     The part of the panorama that they all lie in is decoded once.
@@ -125,7 +127,8 @@ def profiles_of(
 @dataclass(frozen=True, eq=False)
 @array_record
 class _Patches:
-    """Where k of n pieces are sampled: panorama pixels (2, k, 9) of each patch's nodes, and what each of its samples, `rows`
+    """Where k of n pieces are sampled: panorama pixels (2, k, 9) of each patch's nodes, and what each of its
+    samples, `rows`
     along the edge, takes of them (9, m); panorama pixels a view pixel (n,)."""
 
     nodes: Singles
