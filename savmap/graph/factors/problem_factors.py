@@ -6,6 +6,7 @@ weight.
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 
 import gtsam
@@ -48,8 +49,9 @@ def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
     return graph
 
 
+@lru_cache(1 << 14)
 def relation_factor(relation: Relation) -> gtsam.NonlinearFactor:
-    """The paper's BetweenFactor or PriorFactor on one axis; a distance's RangeFactor."""
+    """The paper's BetweenFactor or PriorFactor on one axis; a distance's RangeFactor. Every round asks for the same."""
     if relation.axis is None and relation.b is not None:
         return gtsam.RangeFactor3(
             relation.a, relation.b, relation.value, gtsam.noiseModel.Isotropic.Sigma(1, relation.sigma)
