@@ -11,12 +11,14 @@ import numpy as np
 from savmap import graph
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
 from savmap.graph import CameraPriors, References, camera_priors, published_start
-from savmap.pipeline.records import RowMeasurements, RowRequest
+from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Feature, Floats, Trajectory
+from savmap.types import Feature, Floats, PlanePatch, Trajectory
 from savmap.vision.attitude import attitudes
+from savmap.vision.evidence import FloorHeight, floor_before
 
 SPEED_MPS = 1.0
+UPRIGHT = 0.99
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
 
@@ -86,6 +88,19 @@ class PluginAlone:
         if features is not self._features:
             self._features, self._located = features, self._locate(features, measurements)
         return self._located
+
+    def floor(self, walked: WalkedRow, located: graph.LocatedCamera) -> tuple[PlanePatch, FloorHeight] | None:
+        """The first upright plane of the plugin's, and the floor before it, where the pictures tell."""
+        points = located.points[self.plugin.name]
+        face = next((plane for plane in self.plugin.planes(points) if plane.up[1] > UPRIGHT), None)
+        if face is None:
+            return None
+        places = np.array([*points.values()])
+        height = floor_before(face, places, walked.floor, walked.floor_views, located.path, self.floor_share)
+        if height is None:
+            return None
+        self.floor_share = height.share
+        return face, height
 
     def _locate(self, features: Sequence[Feature], measurements: RowMeasurements) -> graph.LocatedCamera | None:
         plugin, path = self.plugin.before_pixels(), self.row.path

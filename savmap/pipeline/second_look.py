@@ -6,49 +6,30 @@ mind: faint ones are followed that no threshold finds, and what only looks like 
 pictures tell where the floor is before each look, and in the end how deep flat parts lie, where a plugin asks for that.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-
-import numpy as np
 
 from savmap.pipeline.path import PluginAlone
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import (
-    Doubt,
-    Feature,
-    FlatDepth,
-    Floats,
-    Panorama,
-    PlanePatch,
-    Trajectory,
-    View,
-)
+from savmap.types import Doubt, Feature, FlatDepth, Panorama, View
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import (
-    DetectionSettings,
-    FloorHeight,
     FloorTracks,
-    Outlined,
     PackedView,
     depth_of,
     drift_of,
     expected_detections,
-    floor_height,
+    features_of,
     floor_tracks,
     gather,
     outlines_in,
 )
 from savmap.vision.evidence.expectation import Expectation, unexplained
-from savmap.vision.evidence.expected import features_of
 from savmap.vision.networks.segmenter import Segmentation
 from savmap.vision.strips import PanoramaStrip
 
 LOOKS = 2
-UPRIGHT = 0.99
-BELOW_FLOOR = 0.4
-"""The floor is never higher than this share of the tracked points. Some true points lie below it: uprights' edges are extended to the picture's border.
-These are a third of all points at most."""
 
 
 def look_again(measured: WalkedRow, monitor: Monitor) -> MeasuredRow:
@@ -71,13 +52,6 @@ def look_again(measured: WalkedRow, monitor: Monitor) -> MeasuredRow:
     return MeasuredRow(row, measurements, strips=measured.strips)
 
 
-def not_followed(plugin: LoadedPlugin) -> Doubt:
-    """A doubt where what was measured anew cannot be tracked, so that what was measured at first stays."""
-    details = ("what single frames show is mapped",)
-    action = f"look at what is mapped of: {plugin.name}"
-    return Doubt("support", "what all frames show could not be tracked", action=action, details=details)
-
-
 def best_measurements(
     alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements, monitor: Monitor
 ) -> RowMeasurements:
@@ -94,7 +68,9 @@ def best_measurements(
         anew = replace(measurements, features={**measurements.features, plugin.name: features})
         located = alone.located(anew)
         if located is None:
-            doubts = [not_followed(plugin)]
+            details = ("what single frames show is mapped",)
+            action = f"look at what is mapped of: {plugin.name}"
+            doubts = [Doubt("support", "what all frames show could not be tracked", action=action, details=details)]
             break
         if expectation.reaches_beyond(located.points[plugin.name]):
             break
@@ -110,15 +86,13 @@ def expect(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurement
     located, plugin = alone.located(measurements), alone.plugin
     if located is None:
         return None
-    points, packed_views, views = (
-        located.points[plugin.name],
-        measured.packed_views[plugin.name],
-        measurements.facts.views,
-    )
+    points, packed_views = located.points[plugin.name], measured.packed_views[plugin.name]
     planes = plugin.planes(points)
-    evidence = [gather(patch, plugin.classes, packed_views, views, located.path) for patch in planes]
-    floor = floor_before(alone, measured, located.path, planes, points) if evidence else None
-    objects = plugin.expect(points, evidence, floor.y if floor else None) if evidence else []
+    evidence = [gather(patch, plugin.classes, packed_views, measurements.facts.views, located.path) for patch in planes]
+    if not evidence:
+        return None
+    floor = alone.floor(measured, located)
+    objects = plugin.expect(points, evidence, floor[1].y if floor else None)
     return Expectation(objects, located.path, points, planes) if objects else None
 
 
@@ -134,48 +108,22 @@ def depths_of(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurem
             yield depth
 
 
-def floor_before(
-    alone: PluginAlone,
-    measured: WalkedRow,
-    path: Trajectory,
-    planes: Sequence[PlanePatch],
-    points: Mapping[str, Floats],
-) -> FloorHeight | None:
-    """The floor before the first upright plane of a plugin's, where the pictures tell. What lies higher than much of what was tracked, points (3,), is
-    something else."""
-    face = first_upright(planes)
-    if face is None:
-        return None
-    floor = floor_height(face, measured.floor, measured.floor_views, path, alone.floor_share)
-    if floor is None or floor.y > np.quantile([place[1] for place in points.values()], BELOW_FLOOR):
-        return None
-    alone.floor_share = floor.share
-    return floor
-
-
 def floor_of(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements) -> FloorTracks:
     """Points of the floor before the plugin's first upright plane, where the pictures tell."""
     located = alone.located(measurements)
     if located is None:
         return FloorTracks()
-    points = located.points[alone.plugin.name]
-    planes = alone.plugin.planes(points)
-    face, floor = first_upright(planes), floor_before(alone, measured, located.path, planes, points)
-    if face is None or floor is None:
+    floor = alone.floor(measured, located)
+    if floor is None:
         return FloorTracks()
-    return floor_tracks(face, measured.floor, measured.floor_views, located.path, floor)
-
-
-def first_upright(planes: Sequence[PlanePatch]) -> PlanePatch | None:
-    """The first of the planes that stands upright."""
-    return next((plane for plane in planes if plane.up[1] > UPRIGHT), None)
+    return floor_tracks(floor[0], measured.floor, measured.floor_views, located.path, floor[1])
 
 
 class SecondLook:
     """Measures what is expected in single frames, in the strips that the drive kept of them."""
 
     def __init__(self, plugin: LoadedPlugin, expectation: Expectation, walked: WalkedRow) -> None:
-        self.plugin, self.expected, self.walked, self.settings = plugin, expectation, walked, DetectionSettings()
+        self.plugin, self.expected, self.walked = plugin, expectation, walked
         self.poses = dict(zip(expectation.path.frames.tolist(), expectation.path.world_from_rig, strict=True))
 
     def features(self) -> list[Feature]:
@@ -198,13 +146,9 @@ class SecondLook:
     def _in_view(self, packed_view: PackedView, segmentation: Segmentation, panorama: Panorama) -> list[Feature]:
         spec = self.walked.measurements.facts.views[packed_view.view]
         view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
-        outlines = self._outlines(view, segmentation)
-        there = [(thing, outline) for thing, outline in outlines if not thing.absent]
-        detections = expected_detections(view, segmentation, there, self.settings)
-        return features_of(self.plugin.extract_features(view, detections, panorama), outlines)
-
-    def _outlines(self, view: View, segmentation: Segmentation) -> list[Outlined]:
-        """The expected objects that a view shows, absent ones too, with their outlines where the network sees them."""
-        outlines = outlines_in(view.spec, self.poses[view.frame], self.expected.objects)
+        outlines = outlines_in(spec, self.poses[view.frame], self.expected.objects)
         drift = drift_of(segmentation, [(thing, outline) for thing, outline in outlines if not thing.absent])
-        return [(thing, outline + drift) for thing, outline in outlines]
+        outlines = [(thing, outline + drift) for thing, outline in outlines]
+        there = [(thing, outline) for thing, outline in outlines if not thing.absent]
+        detections = expected_detections(view, segmentation, there)
+        return features_of(self.plugin.extract_features(view, detections, panorama), outlines)

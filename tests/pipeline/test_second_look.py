@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import StructureError
 from savmap.files.journal import Journal
-from savmap.graph import References
+from savmap.graph import LocatedCamera, References
 from savmap.pipeline import second_look
 from savmap.pipeline.path import PluginAlone
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
@@ -240,25 +240,29 @@ def test_where_nothing_else_is_expected_nothing_changes(walked: WalkedRow, monke
     assert notes == []
 
 
+def located_with(points: dict[str, Floats]) -> LocatedCamera:
+    return LocatedCamera(PATH, (), {"one": points})
+
+
 def test_the_floor_is_given_where_the_pictures_tell_and_remembered(
     walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[float | None] = []
 
-    def height(
-        face: PlanePatch, packed_views: object, views: object, path: Trajectory, about: float | None
-    ) -> FloorHeight | None:
+    def height(face: PlanePatch, views: object, specs: object, path: Trajectory, about: float | None) -> Any:
         asked.append(about)
         return FloorHeight(-1.5, 0.7, 0.01) if len(asked) < 3 else None
 
-    monkeypatch.setattr(second_look, "floor_height", height)
-    alone = PluginAlone(RowRequest("A", (), [], References()), watcher())
+    monkeypatch.setattr("savmap.vision.evidence.floor.floor_height", height)
     lying = PlanePatch("floor", np.zeros(3), np.eye(3)[0], -np.eye(3)[2], np.ones(2), 0.1)
     standing = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
-    planes = [[lying, standing]] * 3 + [[lying]]
-    found = [second_look.floor_before(alone, walked, PATH, some, {"beam / a": np.zeros(3)}) for some in planes]
-    assert [floor.y if floor else None for floor in found] == [-1.5, -1.5, None, None]
+    planes = [lying, standing]
+    alone = PluginAlone(walked.request, watcher(planes=lambda self, points: planes, expect=lambda self: []))
+    found = [alone.floor(walked, located_with({"beam / a": np.zeros(3)})) for _ in range(3)]
+    assert [(floor[0].name, floor[1].y) if floor else None for floor in found] == [("face", -1.5)] * 2 + [None]
     assert asked == [None, 0.7, 0.7]
+    planes.pop()
+    assert alone.floor(walked, located_with({})) is None
 
 
 @pytest.mark.parametrize(("height", "is_floor"), [(-0.3, True), (0.4, True), (1.6, False)])
@@ -266,11 +270,11 @@ def test_what_lies_higher_than_much_of_what_was_tracked_is_not_the_floor(
     walked: WalkedRow, monkeypatch: pytest.MonkeyPatch, height: float, is_floor: bool
 ) -> None:
     """A single thing below the floor may be its mirror image."""
-    monkeypatch.setattr(second_look, "floor_height", lambda *_: FloorHeight(height, 0.7, 0.01))
-    alone = PluginAlone(RowRequest("A", (), [], References()), watcher())
+    monkeypatch.setattr("savmap.vision.evidence.floor.floor_height", lambda *_: FloorHeight(height, 0.7, 0.01))
     face = PlanePatch("face", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+    alone = PluginAlone(walked.request, watcher(planes=lambda self, points: [face], expect=lambda self: []))
     points = {f"beam {y} / a": np.array([0.0, y, 0.0]) for y in (0.0, 0.5, 1.0, 1.5, 2.0, 2.5)}
-    found = second_look.floor_before(alone, walked, PATH, [face], points)
+    found = alone.floor(walked, located_with(points))
     assert (found is not None, alone.floor_share) == ((True, 0.7) if is_floor else (False, None))
 
 
@@ -348,7 +352,7 @@ def test_a_plugin_is_asked_with_the_floor_before_its_planes(walked: WalkedRow, m
         return []
 
     floor = FloorHeight(-1.5, 0.7, 0.01)
-    monkeypatch.setattr(second_look, "floor_before", lambda *given: floor if given[3] else None)
+    monkeypatch.setattr(PluginAlone, "floor", lambda self, walked, located: (face, floor))
     monkeypatch.setattr(
         PluginAlone, "located", lambda self, measurements: SimpleNamespace(points={"one": {}}, path=PATH)
     )

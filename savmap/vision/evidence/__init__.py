@@ -3,8 +3,8 @@
 from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.drift import drift_of
-from savmap.vision.evidence.expected import DetectionSettings, Outlined, expected_detections, outlines_in
-from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_height, floor_tracks
+from savmap.vision.evidence.expected import DetectionSettings, Outlined, expected_detections, features_of, outlines_in
+from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_before, floor_height, floor_tracks
 from savmap.vision.evidence.planes import PackedView, gather
 
 __all__ = [
@@ -16,6 +16,8 @@ __all__ = [
     "depth_of",
     "drift_of",
     "expected_detections",
+    "features_of",
+    "floor_before",
     "floor_height",
     "floor_tracks",
     "gather",

@@ -42,8 +42,14 @@ class DetectionSettings:
     least_px: int = 12
 
 
+USUAL = DetectionSettings()
+
+
 def expected_detections(
-    view: View, segmentation: Segmentation, expected: Sequence[Outlined], settings: DetectionSettings
+    view: View,
+    segmentation: Segmentation,
+    expected: Sequence[Outlined],
+    settings: DetectionSettings = DetectionSettings(),
 ) -> list[Detection]:
     """The regions of a view in which a network sees one of the objects that are outlined there, also faintly, and no other regions.
 

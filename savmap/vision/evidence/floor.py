@@ -46,6 +46,11 @@ together may be rotated from it by a fraction of a degree."""
 LEAST_TANGENT = 0.5
 
 
+BELOW_FLOOR = 0.4
+"""The floor is never higher than this share of the tracked points. Some true points lie below it: uprights' edges are extended to the picture's border.
+These are a third of all points at most."""
+
+
 @dataclass(frozen=True)
 class Fineness:
     """A sweep: range and step as shares of the height; by what factor the pictures are reduced; `strip_step`: 2 for every other strip."""
@@ -113,6 +118,19 @@ def floor_height(
     """
     floor = Floor.before(face, packed_views, views, path)
     return floor.measured(about) if floor else None
+
+
+def floor_before(
+    face: PlanePatch,
+    points: Floats,
+    packed_views: Sequence[PackedView],
+    views: Mapping[str, ViewSpec],
+    path: Trajectory,
+    about: float | None,
+) -> FloorHeight | None:
+    """The same, but nothing that lies higher than much of what was tracked, points (n, 3): that is something else."""
+    floor = floor_height(face, packed_views, views, path, about)
+    return floor if floor is not None and floor.y <= np.quantile(points[:, 1], BELOW_FLOOR) else None
 
 
 def floor_tracks(
