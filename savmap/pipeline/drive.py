@@ -27,7 +27,7 @@ from savmap.pipeline.records import (
     strips_of,
 )
 from savmap.pipeline.trust.footage import require_course
-from savmap.pipeline.view_plans import PassPlan, plan_pass
+from savmap.pipeline.view_plans import PassPlan, plan_pass, preview_of
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -56,6 +56,7 @@ from savmap.vision.evidence import PackedView
 from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.strips import PanoramaStrip, packed_grey, packed_maps, region_of, unpacked_grey
+from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Region, Renderer
 
 WORKERS, DEPTH = 2, 3
@@ -88,7 +89,9 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     """Walk once along all footage in which rows are seen. A row that cannot be measured comes back as its error: a
     SiteError, VideoError, ModelError, PluginError, or a StructureError where a pass has too few frames."""
     renderer = Renderer()
-    planned = each(requests, lambda row: _planned(row, renderer, monitor))
+    previews: dict[Footage, PassPreview] = {}
+    planned = each(requests, lambda row: _planned(row, previews, renderer, monitor))
+    previews.clear()
     networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
     segmenters = SegmenterPool(networks)
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
@@ -110,13 +113,16 @@ def _drive_through(
     return failures | (drive_along(sound[0].plan.clip, sound, renderer, monitor) if sound else {})
 
 
-def _planned(row: RowRequest, renderer: Renderer, monitor: Monitor) -> Planned:
-    """Choose the networks, and the views of the first pass."""
+def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Renderer, monitor: Monitor) -> Planned:
+    """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its preview."""
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
     name, row_pass = pass_names(row.passes)[0], row.passes[0]
     monitor.note(f"row {row.name}, {name}: choosing the views")
-    plugins, plan = with_best_networks(name, row_pass, row.plugins, renderer, row.attitudes.get(name))
+    if row_pass.footage not in previews:
+        previews[row_pass.footage] = preview_of(row_pass.clip, renderer)
+    preview = previews[row_pass.footage]
+    plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name))
     return row, plugins, plan
 
 

@@ -40,7 +40,7 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
 
 
 def with_best_networks(
-    name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], renderer: Renderer, attitude: Floats | None
+    name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], preview: PassPreview, attitude: Floats | None
 ) -> tuple[Sequence[LoadedPlugin], PassPlan]:
     """The plugins with the networks that see most in a pass, the first, and the views that they want of it, asked in
     the order of `face_first`. The attitude that one finds is given to those after it (`attitude`: world_from_rig (3, 3)
@@ -49,7 +49,6 @@ def with_best_networks(
     Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are
     no panoramas.
     """
-    preview = preview_of(row_pass.clip, renderer)
     doubts = require_panoramas(row_pass.clip.path, preview.keys)
     chosen: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
     for plugin in face_first(plugins):
@@ -66,7 +65,7 @@ def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> L
     of its networks."""
     if not further_models(plugin):
         return plugin
-    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], renderer, None)
+    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], preview_of(row_pass.clip, renderer), None)
     return chosen
 
 

@@ -3,6 +3,7 @@
 import logging
 import weakref
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from savmap.vision.networks.adapter import Segmentation
 from savmap.vision.networks.segmenter import Segmenter, shortened
 
 log = logging.getLogger("savmap")
+OPEN = 4
 NetworkKey = tuple[Path, tuple[tuple[str, str], ...], tuple[str, ...]]
 
 
@@ -82,15 +84,28 @@ def _key(plugin: LoadedPlugin) -> NetworkKey:
 
 def _network(key: NetworkKey, plugins: Sequence[LoadedPlugin]) -> CachedSegmenter:
     path, class_names, providers = key
-    wanted = {name for plugin in plugins for name in plugin.classes}
+    wanted = frozenset(name for plugin in plugins for name in plugin.classes)
+    changed_ns = path.stat().st_mtime_ns if path.is_file() else 0
     try:
-        network = CachedSegmenter(path, 1, dict(class_names), wanted, providers)
+        network = _opened(path, changed_ns, class_names, wanted, providers)
     except ModelError as error:
         raise ModelError(
             f"plugin `{'` and `'.join(dict.fromkeys(plugin.name for plugin in plugins))}`: {error}"
         ) from error
     log.info("network of %s: %s", " and ".join(dict.fromkeys(plugin.name for plugin in plugins)), network)
     return network
+
+
+@lru_cache(maxsize=OPEN)
+def _opened(
+    path: Path,
+    changed_ns: int,
+    class_names: tuple[tuple[str, str], ...],
+    wanted: frozenset[str],
+    providers: tuple[str, ...],
+) -> CachedSegmenter:
+    """A network; those used last stay open, for views are chosen, rows measured and further rows begun with the same."""
+    return CachedSegmenter(path, 1, dict(class_names), set(wanted), providers)
 
 
 def _notes(network: Segmenter) -> Sequence[str]:

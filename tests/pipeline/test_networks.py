@@ -2,7 +2,6 @@
 
 from collections.abc import Container
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from savmap.pipeline.networks import (
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.model import Pass
 from savmap.types import ViewPlan, ViewSpec
+from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
@@ -123,11 +123,11 @@ def test_attitude_of_the_face_is_told_to_other_plugins_in_any_order(
         told.append(attitude)
         return ViewPlan((), turned if plugin.name == "one" else None)
 
-    monkeypatch.setattr(networks, "preview_of", lambda clip, renderer: SimpleNamespace(keys=[]))
     monkeypatch.setattr(networks, "plan_views", plan_views)
     plugins = [plugin_with(), loaded_plugin("two", plugin_class(needs_path=True), Config())]
     plugins = plugins if face_comes_first else plugins[::-1]
-    chosen, plan = with_best_networks("pass 1", Pass(video=Path("a.mp4")), plugins, Renderer(), None)
+    preview = PassPreview((), (), Renderer(), np.eye(3))
+    chosen, plan = with_best_networks("pass 1", Pass(video=Path("a.mp4")), plugins, preview, None)
     assert chosen == plugins
     assert told[0] is None
     assert np.array_equal(told[1], turned)
