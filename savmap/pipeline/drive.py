@@ -114,7 +114,8 @@ def _drive_through(
 
 
 def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Renderer, monitor: Monitor) -> Planned:
-    """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its preview."""
+    """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its
+    preview."""
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
     name, row_pass = pass_names(row.passes)[0], row.passes[0]

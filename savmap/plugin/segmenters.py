@@ -104,7 +104,7 @@ def _opened(
     wanted: frozenset[str],
     providers: tuple[str, ...],
 ) -> CachedSegmenter:
-    """A network; those used last stay open, for views are chosen, rows measured and further rows begun with the same."""
+    """A network; those used last stay open: views are chosen, rows measured and further rows begun with the same."""
     return CachedSegmenter(path, 1, dict(class_names), set(wanted), providers)
 
 
