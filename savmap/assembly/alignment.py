@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from savmap.assembly.known_places import KnownPlace, known_places
 from savmap.assembly.rigid_fit import PlaceEquations, RigidFit
@@ -213,7 +213,7 @@ def _height(places: Sequence[KnownPlace], given: float, source: KnownAlignment) 
     mean = float(np.average(offsets[measured], weights=1 / variances[measured]))
     left = offsets - mean
     squares = float((left[measured] ** 2 / variances[measured]).sum())
-    if measured.sum() < 2 or chi2.sf(squares, measured.sum() - 1) >= CONTRADICTS:
+    if measured.sum() < 2 or chdtrc(measured.sum() - 1, squares) >= CONTRADICTS:
         return np.array([mean, *left]), []
     worst = int(np.nanargmax(np.abs(left) / np.sqrt(variances)))
     what = f"{places[worst].name} is {left[worst]:+.3f} m off in height, by what the other heights say"

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from savmap.geometry.poses import columns_at, poses_at
@@ -102,6 +101,8 @@ def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
         moved = _turned(places_b - centre_b, unknown[2]) + unknown[[0, 0, 1]] * [1, 0, 1] + centre_a
         off = ((moved - places_a) / spread)[:, [0, 2]]
         return np.append(off.ravel(), np.sqrt(len(spread)) * (unknown[2] - heading) / TURN_SIGMA_RAD)
+
+    from scipy.optimize import least_squares  # half a second, which a site of one row does not need
 
     solved = least_squares(left, [0.0, 0.0, heading], loss="huber").x
     length = float(np.ptp(places_b[:, [0, 2]] @ _along(places_b[:, [0, 2]])))

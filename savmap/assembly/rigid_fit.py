@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from savmap.assembly.known_places import KnownPlace
 from savmap.types import Floats, Measured, array_record
@@ -56,7 +56,7 @@ class RigidFit:
     def likelihood(self) -> float:
         """How likely so large a sum of squares, or a larger one, is by chance; 1 where nothing is left over to tell."""
         surplus = len(self.residuals) - 3
-        return float(chi2.sf(self.squares, surplus)) if surplus > 0 else 1.0
+        return float(chdtrc(surplus, self.squares)) if surplus > 0 else 1.0
 
     def deviation(self, rows: slice) -> float:
         """A used place's residual in standard deviations."""
@@ -148,7 +148,7 @@ class PlaceEquations:
         """How likely the sum of squares is where the scale is free, too; 0 where nothing is left over to tell."""
         surplus = len(fit.residuals) - 4
         squares = fit.squares - ((scale.value - 1) / scale.sigma) ** 2
-        return float(chi2.sf(max(squares, 0.0), surplus)) if surplus > 0 else 0.0
+        return float(chdtrc(surplus, max(squares, 0.0))) if surplus > 0 else 0.0
 
     def noise(self, heading_rad: float) -> Floats:
         """Covariance (m, m) m^2 of the residuals."""

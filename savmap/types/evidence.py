@@ -37,6 +37,11 @@ class PlanePatch:
         return max(rows, 1), max(columns, 1)
 
     @cached_property
+    def axes(self) -> Floats:
+        """Right, up and the side that it faces, as columns (3, 3)."""
+        return np.stack([self.right, self.up, np.cross(self.right, self.up)], axis=1)
+
+    @cached_property
     def across(self) -> Floats:
         """Distance of each column's middle from the left side (columns,)."""
         return np.asarray((np.arange(self.shape[1]) + 0.5) * self.cell)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.geometry import pinhole
-from savmap.types.common import Axis, Floats, Ints, array_record, require
+from savmap.types.common import Axis, Floats, Ints, array_record, read_only, require
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +64,15 @@ class ViewSpec:
         """Whether the view is rendered from this frame of the row."""
         return frame % self.every == 0
 
-    @property
+    @cached_property
     def rig_from_view(self) -> Floats:
         """Rotation (3, 3)."""
-        return pinhole.rig_from_view(self.yaw_deg, self.pitch_deg, self.roll_deg)
+        return read_only(pinhole.rig_from_view(self.yaw_deg, self.pitch_deg, self.roll_deg))
 
-    @property
+    @cached_property
     def camera(self) -> Floats:
         """Calibration matrix (3, 3)."""
-        return pinhole.intrinsics(self.hfov_deg, self.width, self.height)
+        return read_only(pinhole.intrinsics(self.hfov_deg, self.width, self.height))
 
     def rig_rays(self, pixels: Floats) -> Floats:
         """Unit rays (..., 3) in the rig frame through view pixels (..., 2)."""

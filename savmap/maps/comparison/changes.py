@@ -15,8 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtr, stdtr
 
 from savmap.maps.comparison.elements import Coverage, Elements, measured, sides
 from savmap.maps.comparison.motion import LEAST_SCALE, SCALE, Equations, Fit, Pairs
@@ -26,7 +25,7 @@ from savmap.types import Floats, JointCovariance, RowMap, Structure
 AXES = ("x", "y", "z")
 LEAST_P = 1e-12
 EQUAL_M = 1e-5
-SCALE_P = 2 * float(norm.sf(3.0))
+SCALE_P = 2 * float(ndtr(-3.0))
 """A scale stands out beyond three standard deviations."""
 LEAST_LEVER_M = 1.0
 
@@ -60,7 +59,7 @@ def _difference(fit: Fit, k: int, old: tuple[Elements, int], new: tuple[Elements
     ends = [(float(of.middles[i, axis]), float(of.sizes[i, axis])) for of, i in (old, new)]
     edges = tuple(end for middle, extent in ends for end in (middle - extent / 2, middle + extent / 2))
     before, after = (ends[0][1], ends[1][1]) if size else (float(carried[axis]), ends[1][0])
-    p = 2 * float(student.sf(abs(residual) / sigma, fit.freedom[k]))
+    p = 2 * float(stdtr(fit.freedom[k], -abs(residual) / sigma))
     what = f"size {AXES[axis]}" if size else AXES[axis]
     return Difference(what, before, after, max(p, LEAST_P), residual, sigma, edges=edges)
 
@@ -90,7 +89,7 @@ def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[D
         if name in earlier and not (np.abs(size - value) < 1e-3).any():
             old, old_sigma = earlier[name]
             both = float(np.hypot(sigma, old_sigma))
-            p = 2 * float(student.sf(abs(value - old) / both, np.inf))
+            p = 2 * float(ndtr(-abs(value - old) / both))
             yield Difference(name, old, value, max(p, LEAST_P), value - old, both)
 
 
@@ -151,7 +150,7 @@ def scale_differences(
             continue
         variance = float(fit.covariance[SCALE, SCALE][axis, axis]) + LEAST_SCALE**2
         share, sigma = float(fit.unknowns[SCALE][axis]), float(np.sqrt(variance + before**2 + after**2))
-        p = 2 * float(student.sf(abs(share) / sigma, freedom))
+        p = 2 * float(stdtr(freedom, -abs(share) / sigma))
         scales.append(ScaleDifference(name, share, sigma, before, after, max(p, LEAST_P)))
     return tuple(scales)
 

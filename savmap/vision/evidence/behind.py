@@ -62,10 +62,8 @@ def inner_part(outline: Floats, planes: Sequence[PlanePatch]) -> PlanePatch | No
     """
     if not planes:
         return None
-    plane = min(
-        planes, key=lambda patch: float(np.abs((outline - patch.origin) @ np.cross(patch.right, patch.up)).max())
-    )
-    in_plane = (outline - plane.origin) @ np.stack([plane.right, plane.up], axis=1)
+    plane = min(planes, key=lambda patch: float(np.abs((outline - patch.origin) @ patch.axes[:, 2]).max()))
+    in_plane = (outline - plane.origin) @ plane.axes[:, :2]
     low, high = in_plane.min(axis=0), in_plane.max(axis=0)
     width, tall = (high - low).tolist()
     if width < LEAST_SLENDER * tall:
@@ -159,7 +157,7 @@ class _Cells:
         """The columns (n,) that a shot shows from top to bottom, at an angle of view that is not too oblique."""
         x = (np.arange(self.columns) + 0.5) * self.cell
         ends = np.array([(along, up, 1.0) for up in (0.0, float(self.part.size[1])) for along in x])
-        u, v, depth = shot.pixels_from(0.0, distance, height) @ ends.T
+        u, v, depth = shot.pixels_from_part @ ends.T
         u, v = u / np.maximum(depth, 1e-9), v / np.maximum(depth, 1e-9)
         inside = (depth > 0) & (np.minimum(u, v) > BORDER_PX)
         inside &= (u < shot.spec.width - 1 - BORDER_PX) & (v < shot.spec.height - 1 - BORDER_PX)
@@ -170,7 +168,7 @@ class _Cells:
         """The shot on the plane (rows, columns), grey. The camera's own distance and height do not move the part's edges."""
         fine, up = self.cell / FINER, float(self.part.size[1]) / self.rows
         grid = np.array([[fine, 0.0, fine / 2], [0.0, -up, up * (self.rows - 0.5)], [0.0, 0.0, 1.0]])
-        homography = shot.pixels_from(0.0, distance, height) @ grid
+        homography = shot.pixels_from_part @ grid
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         size = (self.columns * FINER, self.rows)
         laid = cv2.warpPerspective(packed_view.grey().astype(np.float32), homography, size, flags=flags)

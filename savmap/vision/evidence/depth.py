@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec, array_record
-from savmap.vision.evidence.planes import BORDER_PX, PackedView
+from savmap.types import Bools, FlatDepth, FlatParts, Floats, Ints, PlanePatch, Trajectory, ViewSpec, array_record
+from savmap.vision.evidence.planes import BORDER_PX, PackedView, placed
 
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
@@ -77,35 +77,23 @@ class Shot:
     @classmethod
     def of(cls, packed_view: PackedView, spec: ViewSpec, world_from_rig: Floats, part: PlanePatch) -> Self:
         """A packed view from a camera at a known pose."""
-        axes = np.stack([part.right, part.up, np.cross(part.right, part.up)], axis=1)
-        place = (world_from_rig[:3, 3] - part.origin) @ axes
-        view_from_part = (world_from_rig[:3, :3] @ spec.rig_from_view).T @ axes
-        plane = np.column_stack([view_from_part[:, 0], view_from_part[:, 1], -view_from_part @ place])
-        return cls(packed_view, spec, place, spec.camera @ plane)
+        return cls(packed_view, spec, *placed(part, spec, world_from_rig))
 
-    def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
-        """The homography (3, 3) to pixels from a plane `depth` in front of the part.
+    def pixels_from(self, depths: Floats, distance: float, height: float) -> Floats:
+        """The homographies (n, 3, 3) to pixels from planes at depths (n,) in front of the part.
 
         The plane is scaled so that a camera at `distance` and `height` sees the part's edges at the same pixels for every depth: these edges
         were measured in the pictures.
         """
-        right, up, before = self.place
-        nearer = before / (before - depth)
-        shrunk = (distance - depth) / distance
-        moved = np.diag([nearer, nearer * shrunk, 1.0])
-        moved[:2, 2] = right * (1 - nearer), up * (1 - nearer) + nearer * height * (1 - shrunk)
-        return np.asarray(self.pixels_from_part @ moved)
+        return self._pixels_from(depths, (distance - depths) / distance, height)
 
-    def shows(self, x: Floats, top: float, slack: float) -> NDArray[np.bool_]:
-        """Whether the shot shows the lines (n,) that cross the part at x, from 0 to `top`, with `slack` on the part to either side."""
-        ends = [(x + side * slack, np.full_like(x, y)) for side in (-1.0, 1.0) for y in (0.0, top)]
-        u, v, depth = np.moveaxis(
-            np.tensordot([(*end, np.ones_like(x)) for end in ends], self.pixels_from_part, (1, 1)), -1, 0
-        )
-        u, v = u / np.maximum(depth, 1e-9), v / np.maximum(depth, 1e-9)
-        inside = (depth > 0) & (np.minimum(u, v) > BORDER_PX)
-        inside &= (u < self.spec.width - 1 - BORDER_PX) & (v < self.spec.height - 1 - BORDER_PX)
-        return np.asarray(inside.all(axis=0))
+    def _pixels_from(self, depths: Floats, shrunk: Floats, height: float) -> Floats:
+        right, up, before = self.place
+        nearer = before / (before - depths)
+        moved = np.zeros((len(depths), 3, 3))
+        moved[:, 0, 0], moved[:, 1, 1], moved[:, 2, 2] = nearer, nearer * shrunk, 1.0
+        moved[:, 0, 2], moved[:, 1, 2] = right * (1 - nearer), up * (1 - nearer) + nearer * height * (1 - shrunk)
+        return np.asarray(self.pixels_from_part @ moved)
 
 
 def depth_of(
@@ -138,14 +126,14 @@ def depth_of(
     if agreement is None:
         return None
     share, sigma = agreement[0] * unit / mean, agreement[1] * unit / abs(mean)
-    normal = np.cross(flat.parts[0].right, flat.parts[0].up)[flat.column]
+    normal = flat.parts[0].axes[flat.column, 2]
     proud = float(np.sign(normal)) * flat.proud_m
     return FlatDepth(plugin, flat.landmark, flat.axis, share, sigma, frames, agreement[2], proud, flat.proud_sigma_m)
 
 
 def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
     """The indices of those cameras (n, 3) that are in front of a part and not too far beside it to see any of it."""
-    right, before = np.stack([part.right, np.cross(part.right, part.up)]) @ (cameras - part.origin).T
+    right, before = part.axes[:, ::2].T @ (cameras - part.origin).T
     near = (before > 0) & (right > -ASLANT * before) & (right < part.size[0] + ASLANT * before)
     return np.flatnonzero(near).tolist()
 
@@ -166,7 +154,7 @@ class Sweep:
     cell: float
     rows: int
     columns: int
-    visible: NDArray[np.bool_]
+    visible: Bools
     tangents: Floats
 
     @classmethod
@@ -183,8 +171,9 @@ class Sweep:
         if rows < 1 or columns < 3 or rows * columns * count > MOST_CELLS:
             return None
         sides = np.arange(count + 1) * columns * cell
-        tangents = np.array([((sides[:-1] + sides[1:]) / 2 - shot.place[0]) / shot.place[2] for shot in near])
-        shown = np.array([shot.shows(sides, tall, reach * ASLANT * distance) for shot in near])
+        places = np.array([shot.place for shot in near])[:, :, None]
+        tangents = ((sides[:-1] + sides[1:]) / 2 - places[:, 0]) / places[:, 2]
+        shown = _shown(near, sides, tall, reach * ASLANT * distance)
         visible = shown[:, :-1] & shown[:, 1:] & (np.abs(tangents) < ASLANT)
         use = np.flatnonzero(visible.any(axis=1))
         use = use[np.unique(np.linspace(0, len(use) - 1, min(len(use), MOST_SHOTS)).astype(int))] if len(use) else use
@@ -206,7 +195,7 @@ class Sweep:
 
     def votes(self, number: int, column: int, unit: float, grey: Callable[[PackedView], Bytes]) -> Iterator[Vote]:
         """The votes of the sections of part `number`: coordinates along axis `column`, in units of `unit`. `grey` decodes a packed view."""
-        forward = np.cross(self.part.right, self.part.up)[column]
+        forward = self.part.axes[column, 2]
         start = float(self.part.origin @ self.part.right)
         for depth, weight, along in self.section_depths([grey(shot.packed_view) for shot in self.shots]):
             coordinate = float(self.part.origin[column] + forward * depth) / unit
@@ -215,9 +204,7 @@ class Sweep:
     def section_depths(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
         """Depth in front of the part, weight and place along it of each section that has a depth. `pictures` (h, w): grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
-        correlation, contrast = (
-            np.array(values) for values in zip(*(self.correlation(depth, pictures) for depth in depths), strict=True)
-        )
+        correlation, contrast = self.correlations(depths, pictures)
         peaks = []
         for section in self.informative.tolist():
             peak = _peak(depths, correlation[:, section], contrast[:, section], self.distance)
@@ -225,33 +212,52 @@ class Sweep:
                 peaks.append((*peak, (section + 0.5) * self.columns * self.cell))
         return peaks
 
-    def correlation(self, depth: float, pictures: Sequence[Bytes | Singles]) -> tuple[Floats, Floats]:
-        """The mean correlation (sections,) of all pairs of frames on a plane `depth` in front of the part, and the contrast (sections,) there,
-        grey levels."""
-        laid = np.zeros((len(self.shots), self.rows, self.count, self.columns), np.float32)
-        for row, shot, picture, visible in zip(laid, self.shots, pictures, self.visible, strict=True):
-            first, last = (int(place) for place in np.flatnonzero(visible)[[0, -1]])
-            grid = np.array(
-                [
-                    [self.cell, 0.0, self.cell * (first * self.columns + 0.5)],
-                    [0.0, -self.cell, float(self.part.size[1]) / 2 + self.cell * (self.rows - 1) / 2],
-                    [0.0, 0.0, 1.0],
-                ]
-            )
-            homography = shot.pixels_from(depth, self.distance, self.height) @ grid
-            size = ((last + 1 - first) * self.columns, self.rows)
-            flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            row[:, first : last + 1] = cv2.warpPerspective(picture, homography, size, flags=flags).reshape(
-                self.rows, -1, self.columns
-            )
-        laid -= laid.mean(axis=-1, keepdims=True)
-        laid *= self.visible[:, None, :, None]
-        energy = np.einsum("nrsc,nrsc->s", laid, laid)
-        total = laid.sum(axis=0)
+    def correlations(self, depths: Floats, pictures: Sequence[Bytes] | Sequence[Singles]) -> tuple[Floats, Floats]:
+        """The mean correlation (n, sections) of all pairs of frames on planes at depths (n,) in front of the part, and the contrast (n, sections)
+        there, grey levels."""
+        first, last = self.visible.argmax(axis=1), self.count - self.visible[:, ::-1].argmax(axis=1)
+        grids = np.zeros((len(self.shots), 3, 3))
+        grids[:, 0, 0], grids[:, 1, 1], grids[:, 2, 2] = self.cell, -self.cell, 1.0
+        grids[:, 0, 2] = self.cell * (first * self.columns + 0.5)
+        grids[:, 1, 2] = float(self.part.size[1]) / 2 + self.cell * (self.rows - 1) / 2
+        maps = [
+            shot.pixels_from(depths, self.distance, self.height) @ grid
+            for shot, grid in zip(self.shots, grids, strict=True)
+        ]
+        laid = np.zeros((len(self.shots), self.rows, self.count * self.columns), pictures[0].dtype)
+        places = [
+            row[:, begin * self.columns : end * self.columns]
+            for row, begin, end in zip(laid, first.tolist(), last.tolist(), strict=True)
+        ]
+        mean = np.full(self.columns, 1 / self.columns, np.float32)
         frames = self.visible.sum(axis=0)
-        pairs = np.einsum("rsc,rsc->s", total, total) - energy
-        contrast = np.sqrt(energy / np.maximum(frames * self.rows * self.columns, 1))
-        return pairs / np.maximum((frames - 1) * energy, 1e-9), contrast
+        pairs, energies = np.zeros((2, len(depths), self.count))
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        for number in range(len(depths)):
+            for place, picture, homographies in zip(places, pictures, maps, strict=True):
+                cv2.warpPerspective(picture, homographies[number], place.shape[::-1], place, flags)
+            detail = laid.astype(np.float32)
+            sections = detail.reshape(-1, self.columns)
+            sections -= (sections @ mean)[:, None]
+            energies[number] = self._by_section(np.einsum("nrx,nrx->rx", detail, detail))
+            pairs[number] = self._by_section(np.square(detail.sum(axis=0))) - energies[number]
+        contrast = np.sqrt(energies / np.maximum(frames * self.rows * self.columns, 1))
+        return pairs / np.maximum((frames - 1) * energies, 1e-9), contrast
+
+    def _by_section(self, cells: Singles) -> Floats:
+        """The sum of values (rows, columns of the part) over each section."""
+        return np.asarray(cells.reshape(self.rows, self.count, self.columns).sum(axis=(0, 2)), np.float64)
+
+
+def _shown(shots: Sequence[Shot], x: Floats, top: float, slack: float) -> Bools:
+    """Which shots show the lines that cross the part at x (n,), from 0 to `top`, with `slack` on the part to either side (shots, n)."""
+    ends = np.array([(x + side * slack, np.full_like(x, y), np.ones_like(x)) for side in (-1, 1) for y in (0.0, top)])
+    u, v, depth = np.moveaxis(np.array([shot.pixels_from_part for shot in shots])[:, None] @ ends, 2, 0)
+    u, v = u / np.maximum(depth, 1e-9), v / np.maximum(depth, 1e-9)
+    width, height = np.array([(shot.spec.width, shot.spec.height) for shot in shots]).T[..., None, None]
+    inside = (depth > 0) & (np.minimum(u, v) > BORDER_PX)
+    inside &= (u < width - 1 - BORDER_PX) & (v < height - 1 - BORDER_PX)
+    return np.asarray(inside.all(axis=1))
 
 
 def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from savmap.types import Floats, PlanePatch, Track, Trajectory, ViewSpec, array_record
-from savmap.vision.evidence.depth import MOST_SHOTS, Shot, Singles, Sweep, near_cameras
+from savmap.vision.evidence.depth import Shot, Singles, Sweep, near_cameras
 from savmap.vision.evidence.planes import PackedView
 
 LABEL = "floor"
@@ -66,7 +66,9 @@ class Fineness:
         return 1 + np.arange(-self.reach, self.reach + self.step / 2, self.step)
 
 
-COARSE, FINE = Fineness(0.16, 0.012, 4, 2), Fineness(0.048, 0.004, 2, 1)
+COARSE, FINER, FINE = Fineness(0.16, 0.024, 4, 2), Fineness(0.16, 0.012, 4, 2), Fineness(0.048, 0.004, 2, 1)
+MOST_KEPT = 160
+"""Pictures that are kept unpacked: 50 MB of the fine sweep's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +87,9 @@ class FloorTracks:
 class FloorShot(Shot):
     """A view of the floor. No edge of it was measured in the pictures, so the plane is not scaled with its depth."""
 
-    def pixels_from(self, depth: float, distance: float, height: float) -> Floats:
-        """The homography (3, 3) to pixels from a plane `depth` above the part."""
-        right, up, before = self.place
-        nearer = before / (before - depth)
-        moved = np.diag([nearer, nearer, 1.0])
-        moved[:2, 2] = right * (1 - nearer), up * (1 - nearer)
-        return np.asarray(self.pixels_from_part @ moved)
+    def pixels_from(self, depths: Floats, distance: float, height: float) -> Floats:
+        """The homographies (n, 3, 3) to pixels from planes at depths (n,) above the part."""
+        return self._pixels_from(depths, np.ones(len(depths)), height)
 
 
 @dataclass(frozen=True)
@@ -158,10 +156,10 @@ class Floor:
     ) -> None:
         self.face, self.packed_views, self.views, self.poses = face, packed_views, views, poses
         self.places = np.array([poses[packed_view.frame][:3, 3] for packed_view in packed_views])
-        self.forward = np.cross(face.right, face.up)
+        self.forward = face.axes[:, 2]
         self.away = float(np.median((self.places - face.origin) @ self.forward))
         self.level = float(np.median(self.places[:, 1]))
-        self._detail = lru_cache(4 * MOST_SHOTS)(_detail)
+        self._detail = lru_cache(MOST_KEPT)(_detail)
 
     @classmethod
     def before(
@@ -184,7 +182,7 @@ class Floor:
         return FloorHeight(self.level - found[0] * self.away, *found)
 
     def rough_height(self) -> float | None:
-        """The height of the camera over the floor, to a step of the coarse sweep. None without a clear peak."""
+        """The height of the camera over the floor, to a step of the finer sweep about the best of the coarse ones. None without a clear peak."""
         curves = {height: _mean(groups) for height in HEIGHTS if (groups := self.correlations(height, COARSE))}
         if not curves:
             return None
@@ -192,7 +190,12 @@ class Floor:
         correlation = np.concatenate([*curves.values()])
         best = int(correlation.argmax())
         others = correlation[np.abs(np.log(tried / tried[best])) > OTHER]
-        return float(tried[best]) if len(others) and correlation[best] > LEAST_RATIO * others.max() else None
+        if not len(others) or correlation[best] <= LEAST_RATIO * others.max():
+            return None
+        about = [height for height in curves if abs(tried[best] / height - 1) < FINER.reach]
+        finer = np.array([_mean(self.correlations(height, FINER)) for height in about])
+        which, share = np.unravel_index(finer.argmax(), finer.shape)
+        return float(about[which] * FINER.shares[share])
 
     def height(self, rough: float) -> tuple[float, float] | None:
         """The height of the camera over the floor, and its sigma as a share of it. None where parts of the floor disagree."""
@@ -210,14 +213,16 @@ class Floor:
         """By stretch of the row and strip of the floor: the correlation (n,) at the sweep's heights about `height`, summed over sections, and
         the number of sections."""
         groups: dict[tuple[int, int], tuple[Floats, int]] = {}
+        smaller = {name: _smaller(spec, fineness.smaller) for name, spec in self.views.items()}
         for strip, part in self._pieces(height, fineness.strip_step):
-            shots = [self._shot(self.packed_views[k], part, fineness) for k in near_cameras(part, self.places)]
+            near = [self.packed_views[k] for k in near_cameras(part, self.places)]
+            shots = [FloorShot.of(packed, smaller[packed.view], self.poses[packed.frame], part) for packed in near]
             sweep = Sweep.over(part, shots, fineness.reach)
             if sweep is None:
                 continue
             pictures = [self._detail(shot.packed_view, fineness.smaller) for shot in sweep.shots]
             depths = (1 - fineness.shares) * height * self.away
-            correlation = np.array([sweep.correlation(depth, pictures)[0] for depth in depths.tolist()])
+            correlation, _ = sweep.correlations(depths, pictures)
             start = float(part.origin @ part.right)
             for section in sweep.informative.tolist():
                 along = start + (section + 0.5) * sweep.columns * sweep.cell
@@ -259,11 +264,6 @@ class Floor:
                 corner = self._point(height, float(starts[k]), far)
                 yield strip, PlanePatch(LABEL, corner, self.face.right, -self.forward, size, float(size[1]))
 
-    def _shot(self, packed_view: PackedView, part: PlanePatch, fineness: Fineness) -> FloorShot:
-        spec = self.views[packed_view.view]
-        smaller = replace(spec, width=spec.width // fineness.smaller, height=spec.height // fineness.smaller)
-        return FloorShot.of(packed_view, smaller, self.poses[packed_view.frame], part)
-
     def _track(self, number: int, point: Floats) -> Track | None:
         """A point's pixels in three views. None where it is not seen from directions that differ enough."""
         sightings = [
@@ -294,6 +294,10 @@ class Floor:
             return None
         tangent = float((point - pose[:3, 3]) @ self.face.right) / float(pose[1, 3] - point[1])
         return packed_view, tangent, np.array([x, y]) / depth
+
+
+def _smaller(spec: ViewSpec, factor: int) -> ViewSpec:
+    return replace(spec, width=spec.width // factor, height=spec.height // factor)
 
 
 def _detail(packed_view: PackedView, smaller: int) -> Singles:

@@ -31,7 +31,8 @@ MOST_VIEWS = 160
 JPEG_QUALITY = 80
 BORDER_PX = 2.0
 NEAR = 0.02
-REACH, OUTSIDE = 3.0, -9.0
+REACH, TINY = 3.0, 1e-9
+HALVED_FROM_PIXELS = np.array([[1 / HALVED, 0, 0.5 / HALVED - 0.5], [0, 1 / HALVED, 0.5 / HALVED - 0.5], [0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,15 @@ def _unpacked(packed: bytes, flags: int) -> Bytes:
     return np.asarray(cv2.imdecode(np.frombuffer(packed, np.uint8), flags), np.uint8)
 
 
+def placed(patch: PlanePatch, view: ViewSpec, world_from_rig: Floats) -> tuple[Floats, Floats]:
+    """Where a camera is (3,), to the right of a patch's origin, up, and in front of it, and the homography (3, 3) to a view's pixels from
+    (right, up, 1)."""
+    place = (world_from_rig[:3, 3] - patch.origin) @ patch.axes
+    plane = (world_from_rig[:3, :3] @ view.rig_from_view).T @ patch.axes
+    plane[:, 2] = -plane @ place
+    return place, view.camera @ plane
+
+
 def gather(
     patch: PlanePatch,
     classes: Sequence[str],
@@ -104,54 +114,62 @@ class _Sums:
     def __init__(self, patch: PlanePatch, classes: int) -> None:
         self.patch = patch
         self.total, self.weight = np.zeros((classes, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
-        self.picture, self.sharpness = np.zeros((*patch.shape, 3), np.float32), np.zeros(patch.shape, np.float32)
-        self.points = patch.points()
+        self.picture, self.sharpness = np.zeros((3, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
 
     def add(self, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats) -> None:
-        """Add a view from a camera at a known pose, where the patch is near."""
-        columns = self._near(world_from_rig)
-        if columns.start >= columns.stop:
+        """Add a view from a camera at a known pose, where it shows the patch."""
+        place, pixels_from_patch = placed(self.patch, view, world_from_rig)
+        low, high = _shown(pixels_from_patch, self.patch.heights, view)
+        reach = REACH * abs(float(place[2]))
+        low, high = np.maximum(low, place[0] - reach), np.minimum(high, place[0] + reach)
+        shown = low < high
+        limits = [low[shown].min(initial=np.inf), high[shown].max(initial=-np.inf)]
+        first, last = np.searchsorted(self.patch.across, limits).tolist()
+        if first >= last:
             return
-        pixels, weight = _pixels_and_weights(self.points[:, columns], self.patch, view, world_from_rig)
-        self.weight[:, columns] += weight
-        halved = ((pixels + 0.5) / HALVED - 0.5).astype(np.float32)
-        for index, probability in enumerate(packed_view.probabilities()):
-            self.total[index][:, columns] += weight * _sampled(probability, halved)
+        columns = slice(first, last)
+        across = self.patch.across[columns]
+        weight = _weights(across, self.patch.heights, place) * ((low[:, None] < across) & (across < high[:, None]))
+        cells = self.patch.cell * np.array([[1, 0, first + 0.5], [0, -1, len(low) - 0.5], [0, 0, 1 / self.patch.cell]])
         sharpness = np.square(weight)
+        self.weight[:, columns] += weight
         self.sharpness[:, columns] += sharpness
-        self.picture[:, columns] += sharpness[..., None] * _sampled(packed_view.image(), pixels)
-
-    def _near(self, world_from_rig: Floats) -> slice:
-        """The columns within `REACH` times the camera's distance from the plane."""
-        from_corner = world_from_rig[:3, 3] - self.patch.origin
-        away = abs(float(from_corner @ np.cross(self.patch.right, self.patch.up)))
-        middle = float(from_corner @ self.patch.right)
-        first, last = np.searchsorted(self.patch.across, [middle - REACH * away, middle + REACH * away]).tolist()
-        return slice(int(first), int(last))
+        for total, probability in zip(self.total, packed_view.probabilities(), strict=True):
+            laid = _laid(probability, HALVED_FROM_PIXELS @ pixels_from_patch @ cells, weight.shape)
+            cv2.accumulateProduct(weight, laid, total[:, columns])
+        for total, colour in zip(self.picture, np.moveaxis(packed_view.image(), 2, 0), strict=True):
+            laid = _laid(colour.astype(np.float32), pixels_from_patch @ cells, weight.shape)
+            cv2.accumulateProduct(sharpness, laid, total[:, columns])
 
     def evidence(self, classes: tuple[str, ...]) -> PlaneEvidence:
         """The means."""
         mean = (self.total / np.maximum(self.weight, 1e-9)).astype(np.float32)
-        shown = self.picture / np.maximum(self.sharpness, 1e-12)[..., None]
-        return PlaneEvidence(self.patch, classes, mean, self.weight, np.clip(shown, 0, 255).astype(np.uint8))
+        shown = np.clip(self.picture / np.maximum(self.sharpness, 1e-12), 0, 255).astype(np.uint8)
+        return PlaneEvidence(self.patch, classes, mean, self.weight, cv2.merge(shown))
 
 
-def _pixels_and_weights(
-    points: Floats, patch: PlanePatch, view: ViewSpec, world_from_rig: Floats
-) -> tuple[Singles, Singles]:
-    """The pixels (..., 2) of cells in a view, and the view's weights there (...), 0 outside of it."""
-    rays = points - world_from_rig[:3, 3]
-    pixels = pinhole.project(rays @ (world_from_rig[:3, :3] @ view.rig_from_view), view.camera)
-    size = np.array([view.width, view.height])
-    within = (pixels > BORDER_PX) & (pixels < size - 1 - BORDER_PX)
-    inside = within[..., 0] & within[..., 1]
-    away = np.abs(rays @ np.cross(patch.right, patch.up))
-    weight = np.where(inside, away / np.maximum(np.linalg.norm(rays, axis=-1), 1e-9) ** 3, 0.0)
-    return np.where(inside[..., None], pixels, OUTSIDE).astype(np.float32), weight.astype(np.float32)
+def _shown(pixels_from_patch: Floats, heights: Floats, view: ViewSpec) -> tuple[Floats, Floats]:
+    """Between which distances (rows,) from a patch's left side a view shows it, for each height (rows,): the first is the greater one where it does
+    not."""
+    u, v, depth = pixels_from_patch
+    right, bottom = view.width - 1 - BORDER_PX, view.height - 1 - BORDER_PX
+    limits = np.array([u - BORDER_PX * depth, right * depth - u, v - BORDER_PX * depth, bottom * depth - v])
+    slopes = np.where(np.abs(limits[:, :1]) < TINY, TINY, limits[:, :1])
+    bounds = -(limits[:, 1:2] * heights + limits[:, 2:]) / slopes
+    low, high = (np.where(side * slopes > 0, bounds, -side * np.inf) for side in (1, -1))
+    return low.max(axis=0), high.min(axis=0)
 
 
-def _sampled(values: Bytes | Singles, pixels: Singles) -> Singles:
-    return np.asarray(cv2.remap(values, pixels, None, cv2.INTER_LINEAR), np.float32)  # type: ignore[call-overload]
+def _weights(across: Floats, heights: Floats, place: Floats) -> Singles:
+    """The solid angle under which a camera at a place (3,) sees each cell, up to a factor."""
+    x, y, away = place.tolist()
+    squares = np.square(across - x).astype(np.float32) + (np.square(heights - y) + away**2).astype(np.float32)[:, None]
+    return np.asarray(np.float32(abs(away)) / (squares * np.sqrt(squares)), np.float32)
+
+
+def _laid(values: Singles, values_from_cells: Floats, shape: tuple[int, ...]) -> Singles:
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpPerspective(values, values_from_cells, shape[::-1], flags=flags), np.float32)
 
 
 def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:

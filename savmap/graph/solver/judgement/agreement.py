@@ -11,7 +11,7 @@ from functools import cached_property
 from itertools import combinations, islice, product
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from savmap.types import Floats, Ints
 
@@ -79,7 +79,7 @@ class Agreement:
     @cached_property
     def critical(self) -> float:
         """Beyond how many standard deviations a reference contradicts the rest, as many as are tested (Bonferroni)."""
-        return float(norm.isf(FALSE_ALARMS / 2 / max(len(self.all_names), 1)))
+        return -float(ndtri(FALSE_ALARMS / 2 / max(len(self.all_names), 1)))
 
     def at(self, name: str) -> Ints:
         """Indices of a reference."""
