@@ -112,7 +112,7 @@ def with_most_seen(first: Candidate, others: Sequence[Path], views: Sequence[Vie
 def few_views(specs: Sequence[ViewSpec], preview: PassPreview) -> list[View]:
     """The views in a few key frames, evenly chosen."""
     chosen = np.unique(np.linspace(0, len(preview.keys) - 1, FRAMES).astype(int))
-    return [preview.renderer.render(preview.keys[number], spec) for number in chosen for spec in specs]
+    return [preview.view(preview.keys[number], spec) for number in chosen for spec in specs]
 
 
 def seen(candidate: Candidate, views: Sequence[View]) -> Floats:

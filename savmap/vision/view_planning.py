@@ -7,6 +7,7 @@ caller gives functions that recognise the structure.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import cv2
@@ -53,6 +54,7 @@ CUT_SHARE = 0.12
 BEYOND_CUT_DEG = 8.0
 SETTLED_DEG = 1.0
 MOST_ROUNDS = 12
+KEPT_VIEWS = 20
 HFOV_STEP_DEG = 5.0
 
 
@@ -164,9 +166,14 @@ class PassPreview:
         a hundred frames or more are used."""
         return next((every for every in (4, 2) if every <= most and self.frames >= every * ENOUGH_FRAMES), 1)
 
+    @cached_property
+    def view(self) -> Callable[[Panorama, ViewSpec], View]:
+        """A view in a frame. The latest are kept, and with them what a network gives for them."""
+        return lru_cache(KEPT_VIEWS)(self.renderer.render)
+
     def views(self, spec: ViewSpec) -> list[View]:
         """The view in every key frame."""
-        return [self.renderer.render(panorama, spec) for panorama in self.keys]
+        return [self.view(panorama, spec) for panorama in self.keys]
 
 
 @dataclass(frozen=True)
@@ -387,10 +394,16 @@ def fit_height(
 
 
 def _elevations(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: Extent) -> _Elevations | None:
-    extents = [rows for view in pass_preview.views(spec) if (rows := extent(view)) is not None]
-    if not extents:
+    """Of the key frames only so many are asked as it takes to see that the frame cuts the structure below and above."""
+    ends = np.zeros((0, 2))
+    for panorama in pass_preview.keys:
+        rows = extent(pass_preview.view(panorama, spec))
+        ends = ends if rows is None else np.vstack([ends, rows])
+        if ((ends == [0, spec.height - 1]).sum(axis=0) > CUT_SHARE * len(pass_preview.keys)).all():
+            break
+    if not len(ends):
         return None
-    top, bottom = np.array(extents, dtype=np.float64).T
+    top, bottom = ends.T
     pitch = pinhole.angles_from_rotation(face.spec.rig_from_view.T @ spec.rig_from_view)[1]
     elevations = pitch + np.degrees(np.arctan((spec.camera[1, 2] - np.array([top, bottom])) / spec.camera[1, 1]))
     cut_high = float(np.mean(top <= BORDER_PX)) > CUT_SHARE
@@ -431,9 +444,10 @@ def fit_count(
     """
     if manual.hfov_deg is not None:
         return Fitted(manual.over(spec))
+    keys = [*pass_preview.keys]
     for hfov in np.arange(smallest_deg, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
-        if _enough(pass_preview, candidate, count, at_least, share):
+        if _enough(pass_preview, keys, candidate, count, at_least, share):
             wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)
             return Fitted(replace(candidate, hfov_deg=wider))
     return Fitted(
@@ -441,11 +455,14 @@ def fit_count(
     )
 
 
-def _enough(pass_preview: PassPreview, spec: ViewSpec, count: Count, at_least: int, share: float) -> bool:
-    """Whether enough key frames show enough objects, until a frame decides it."""
-    may_fail = int(np.floor((1 - share) * len(pass_preview.keys) + 1e-9))
-    for panorama in pass_preview.keys:
-        may_fail -= count(pass_preview.renderer.render(panorama, spec)) < at_least
+def _enough(
+    pass_preview: PassPreview, keys: list[Panorama], spec: ViewSpec, count: Count, at_least: int, share: float
+) -> bool:
+    """Whether enough of the key frames show enough objects, until a frame decides it, which is then the first of them."""
+    may_fail = int(np.floor((1 - share) * len(keys) + 1e-9))
+    for number, panorama in enumerate(keys):
+        may_fail -= count(pass_preview.view(panorama, spec)) < at_least
         if may_fail < 0:
+            keys.insert(0, keys.pop(number))
             return False
     return True

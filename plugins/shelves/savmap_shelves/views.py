@@ -46,7 +46,7 @@ def aim_at_face(
     predict = cached(predict)
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
-        view = pass_preview.renderer.render(panorama, spec)
+        view = pass_preview.view(panorama, spec)
         return face_likeness(extract(view, predict(view)), view.spec)
 
     face: Face = choose_face(pass_preview, score, side)

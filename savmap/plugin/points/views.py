@@ -85,7 +85,7 @@ def face_with_most(
     """The level direction whose views are covered most by masks. Raises StructureError where there are none."""
 
     def share(spec: ViewSpec, panorama: Panorama) -> float:
-        return float(sum(detection.mask.mean() for detection in predict(pass_preview.renderer.render(panorama, spec))))
+        return float(sum(detection.mask.mean() for detection in predict(pass_preview.view(panorama, spec))))
 
     return choose_face(pass_preview, share, side)
 
