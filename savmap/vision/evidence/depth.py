@@ -235,7 +235,8 @@ class Sweep:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         for number in range(len(depths)):
             for place, picture, homographies in zip(places, pictures, maps, strict=True):
-                cv2.warpPerspective(picture, homographies[number], place.shape[::-1], place, flags)
+                size = place.shape[::-1]
+                cv2.warpPerspective(np.asarray(picture), homographies[number], size, place, flags)
             detail = laid.astype(np.float32)
             sections = detail.reshape(-1, self.columns)
             sections -= (sections @ mean)[:, None]

@@ -145,7 +145,7 @@ class _Sums:
         """The means."""
         mean = (self.total / np.maximum(self.weight, 1e-9)).astype(np.float32)
         shown = np.clip(self.picture / np.maximum(self.sharpness, 1e-12), 0, 255).astype(np.uint8)
-        return PlaneEvidence(self.patch, classes, mean, self.weight, cv2.merge(shown))
+        return PlaneEvidence(self.patch, classes, mean, self.weight, np.ascontiguousarray(np.moveaxis(shown, 0, 2)))
 
 
 def _shown(pixels_from_patch: Floats, heights: Floats, view: ViewSpec) -> tuple[Floats, Floats]:
