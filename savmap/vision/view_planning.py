@@ -458,7 +458,8 @@ def fit_count(
 def _enough(
     pass_preview: PassPreview, keys: list[Panorama], spec: ViewSpec, count: Count, at_least: int, share: float
 ) -> bool:
-    """Whether enough of the key frames show enough objects, until a frame decides it, which is then the first of them."""
+    """Whether enough of the key frames show enough objects, until a frame decides it, which is then the first of
+    them."""
     may_fail = int(np.floor((1 - share) * len(keys) + 1e-9))
     for number, panorama in enumerate(keys):
         may_fail -= count(pass_preview.view(panorama, spec)) < at_least
