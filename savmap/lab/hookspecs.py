@@ -9,10 +9,10 @@ name, so that mapping never imports it. The class is made without arguments; all
 """
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.lab.scenes import RandomSection, SceneParts, Site
 from savmap.plugin.hookspecs import hookspec
@@ -39,6 +39,7 @@ def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | 
 
 
 @hookspec(firstresult=True)
-def practice_pictures(folder: Path, count: int, seed: int) -> None:
-    """Write `count` labelled pictures of other places into a new folder, as a data set (`dataset.json`, `images/`,
-    `masks/`), which `savmap adapt` mixes in against forgetting. Default: the simulator's random scenes are taken."""
+def practice_picture(seed: int, index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """The labelled picture of a number: RGB (480, 640, 3), and its mask (480, 640), 0 background, k the k-th of
+    `network_classes`, 255 not to be judged. The same seed and index give the same. Networks are trained on such
+    pictures, and `savmap adapt` mixes them in against forgetting. Default: the simulator's random scenes are taken."""

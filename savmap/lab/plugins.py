@@ -2,7 +2,6 @@
 calls."""
 
 from dataclasses import dataclass
-from types import NoneType
 
 from savmap.errors import PluginError
 from savmap.lab import hookspecs
@@ -21,7 +20,7 @@ class LabPlugin(HookCaller):
 
     scene = Hook(hookspecs.scene, SceneParts)
     random_section = Hook(hookspecs.random_section, RandomSection | None)
-    practice_pictures = Hook(hookspecs.practice_pictures, NoneType)
+    practice_picture = Hook(hookspecs.practice_picture, tuple)
 
     @property
     def furnishes(self) -> bool:

@@ -29,12 +29,12 @@ SITE = Site(Hall(), Goods(), Exposure(), {})
 LAB_CALLS: dict[str, Callable[[Any], Any]] = {
     "scene": lambda plugin: plugin.scene({}, np.random.default_rng(0), SITE),
     "random_section": lambda plugin: plugin.random_section(np.random.default_rng(0), SITE, None),
-    "practice_pictures": lambda plugin: plugin.practice_pictures(Path("practice"), 3, 0),
+    "practice_picture": lambda plugin: plugin.practice_picture(3, 0),
 }
 LAB_ANSWERS: dict[str, Any] = {
     "scene": SceneParts([], {}),
     "random_section": RandomSection({}),
-    "practice_pictures": None,
+    "practice_picture": (np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint8)),
 }
 ASK = CALLS | LAB_CALLS | {"register_commands": lambda plugin: plugin.instance.register_commands(typer.Typer())}
 

@@ -15,18 +15,18 @@ WIDTH, HEIGHT = 64, 48
 GOOD = {"savmap.format": "semantic", "savmap.classes": json.dumps(["post"]), "savmap.output": "logits"}
 
 
-def write_model(path: Path, metadata: dict[str, str], channels: int = 2, layers: int = 3) -> Path:
+def write_model(path: Path, metadata: dict[str, str], channels: int = 2, layers: int = 3, coarse: int = 1) -> Path:
     """A network whose first logit is 0 and whose second is (red - 128) / 8; further ones repeat it."""
     weights = np.zeros((channels, layers, 1, 1), np.float32)
     weights[1:, 0] = 1 / 8
     bias = np.full(channels, -16.0, np.float32)
     bias[0] = 0
-    node = helper.make_node("Conv", ["image", "weights", "bias"], ["out"])
+    node = helper.make_node("Conv", ["image", "weights", "bias"], ["out"], strides=[coarse, coarse])
     graph = helper.make_graph(
         [node],
         "red",
         [helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, layers, HEIGHT, WIDTH])],
-        [helper.make_tensor_value_info("out", TensorProto.FLOAT, [1, channels, HEIGHT, WIDTH])],
+        [helper.make_tensor_value_info("out", TensorProto.FLOAT, [1, channels, HEIGHT // coarse, WIDTH // coarse])],
         [onnx.numpy_helper.from_array(weights, "weights"), onnx.numpy_helper.from_array(bias, "bias")],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
@@ -52,6 +52,15 @@ def test_classes_and_probabilities(tmp_path: Path) -> None:
     assert np.allclose(maps.sum(axis=0), 1, atol=1e-6)
     assert np.all(maps[1, :, WIDTH // 4 : WIDTH // 2] > 0.99)
     assert np.all(maps[1, :, WIDTH // 2 :] < 0.01)
+
+
+def test_a_coarser_output_is_interpolated(tmp_path: Path) -> None:
+    maps = Segmenter(write_model(tmp_path / "m.onnx", GOOD, coarse=4)).probabilities(picture())
+    assert maps.shape == (2, HEIGHT, WIDTH)
+    assert np.all(maps[1, :, WIDTH // 4 + 4 : WIDTH // 2 - 4] > 0.99)
+    assert np.all(maps[1, :, WIDTH // 2 + 4 :] < 0.01)
+    with pytest.raises(ModelError, match="or 2, 4 or 8 times as coarse, not"):
+        Segmenter(write_model(tmp_path / "m.onnx", GOOD, coarse=16))
 
 
 @pytest.mark.parametrize("scale", [2, 0.5])

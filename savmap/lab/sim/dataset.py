@@ -96,17 +96,19 @@ def samples(
     kind: Kind | Literal["mixed"],
     classes: Sequence[str] | None = None,
     scene_of: Callable[[int], Scene] = random_scene,
+    views: int = _VIEWS_A_SCENE,
 ) -> Iterator[tuple[str, Image, Mask]]:
-    """`count` named pictures with masks, of the scenes that `scene_of` makes of seeds; the same seed gives the same.
+    """`count` named pictures with masks, `views` of each of the scenes that `scene_of` makes of seeds; the same seed
+    gives the same.
 
     `classes`: the default are those of the scenes' plugins.
     """
-    for index in range(0, count, _VIEWS_A_SCENE):
+    for index in range(0, count, views):
         rng = np.random.default_rng([seed, index])
         built = build(scene_of(seed * 1_000_003 + index))
         scene = renderer(built)
         labelled = classes_of(built.scene) if classes is None else classes
-        for view in range(index, min(index + _VIEWS_A_SCENE, count)):
+        for view in range(index, min(index + views, count)):
             ceiling = rng.random() < _CEILING_SHARE
             wanted: Kind = kind if kind != "mixed" else "ceiling" if ceiling else "row"
             camera = _worthwhile(scene, wanted, rng)

@@ -60,14 +60,15 @@ def _warning(recipe: Mapping[str, object]) -> dict[str, str]:
     return {"savmap.warning": str(recipe["warning"])} if "warning" in recipe else {}
 
 
-def graph(network: SegmentationNetwork) -> onnx.ModelProto:
-    """The network as an ONNX model: `image` (1, 3, 480, 640) float32 RGB 0..255 -> `probabilities`, weights inside."""
+def graph(network: nn.Module) -> onnx.ModelProto:
+    """The network as an ONNX model: `image` (1, 3, 480, 640) float32 RGB 0..255 -> `probabilities`, weights inside. A
+    module other than `SegmentationNetwork` gives probabilities itself."""
     example = (torch.zeros(1, 3, HEIGHT, WIDTH),)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            WithProbabilities(network).eval(),
+            WithProbabilities(network).eval() if isinstance(network, SegmentationNetwork) else network,
             example,
             input_names=["image"],
             output_names=["probabilities"],
@@ -87,7 +88,7 @@ def without_traces(model: onnx.ModelProto) -> onnx.ModelProto:
     return model
 
 
-def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping[str, object], output: Path) -> None:
+def export(network: nn.Module, classes: Sequence[str], recipe: Mapping[str, object], output: Path) -> None:
     """Write the ONNX file whole or not at all. Raises OutputError."""
     model = graph(network)
     onnx.helper.set_model_props(model, metadata(classes, recipe))
@@ -97,11 +98,14 @@ def export(network: SegmentationNetwork, classes: Sequence[str], recipe: Mapping
 
 def with_recipe(file: Path, recipe: Mapping[str, object]) -> None:
     """Replace the recipe in a file's metadata. Raises OutputError."""
+    set_metadata(file, {"savmap.recipe": json.dumps(recipe, sort_keys=True)} | _warning(recipe))
+
+
+def set_metadata(file: Path, entries: Mapping[str, str]) -> None:
+    """Add entries to a file's metadata, or replace them. Raises OutputError."""
     model = onnx.load(file)
     properties = {entry.key: entry.value for entry in model.metadata_props}
-    onnx.helper.set_model_props(
-        model, properties | {"savmap.recipe": json.dumps(recipe, sort_keys=True)} | _warning(recipe)
-    )
+    onnx.helper.set_model_props(model, {**properties, **entries})
     write_bytes(file, model.SerializeToString())
 
 

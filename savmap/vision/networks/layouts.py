@@ -29,6 +29,8 @@ USUAL_SIZE = (640, 640)
 LOGISTIC, SOFTMAX = ("labels",), ("class_queries_logits", "logits", "pred_logits")
 """Names of the outputs with the queries' scores, by what makes probabilities of them."""
 LEAST_QUERY_SCORE = 0.5
+COARSE = (1, 2, 4, 8)
+"""How many pixels of the input a semantic output's may stand for, along either side."""
 STEP = 32
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)[:, None, None]
 DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)[:, None, None]
@@ -44,8 +46,8 @@ class Semantic:
 
     The file must say what it is in its metadata: `savmap.format` = "semantic", `savmap.classes` (JSON list, background
     left out) and `savmap.output` = "probabilities" or "logits" (so if it is missing). Its input is one picture, (1, 3,
-    h, w) float32, RGB 0..255; its output (1, 1 + classes, h, w) float32, background first. Raises ModelError for a file
-    that breaks this contract.
+    h, w) float32, RGB 0..255; its output (1, 1 + classes, h', w') float32, background first, of the same shape or up to
+    eight times as coarse. Raises ModelError for a file that breaks this contract.
     """
 
     kind = "semantic"
@@ -67,13 +69,13 @@ class Semantic:
 
     def predict(self, image: Image, labels: Labels, classes: tuple[str, ...]) -> Segmentation:
         """Maps of all classes; where several of the network's classes count as one, their sum."""
-        height, width = image.shape[:2]
+        size = image.shape[1::-1]
         result: Probabilities = self._run(network_input(image, self.input_size))[0][0]
         maps = softmax(result, axis=0) if self._gives_logits else result
         if tuple(labels) != classes:
             maps = _summed(maps, labels, classes)
-        if (width, height) != self.input_size:
-            resized = [cv2.resize(plane, (width, height), interpolation=cv2.INTER_LINEAR) for plane in maps]
+        if maps.shape[:0:-1] != size:
+            resized = [cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR) for plane in maps]
             maps = np.stack(resized).astype(np.float32, copy=False)
         return Segmentation(classes, maps)
 
@@ -98,11 +100,13 @@ def _fixed_size(signature: OnnxSignature) -> tuple[int, int]:
 
 
 def _check_output(signature: OnnxSignature, channels: int, size: tuple[int, int]) -> None:
-    outputs, expected = signature.outputs, (channels, size[1], size[0])
-    if len(outputs) != 1 or outputs[0].kind != "tensor(float)" or outputs[0].shape[1:] != expected:
+    outputs, (width, height) = signature.outputs, size
+    expected = [(channels, height // coarse, width // coarse) for coarse in COARSE]
+    if len(outputs) != 1 or outputs[0].kind != "tensor(float)" or outputs[0].shape[1:] not in expected:
         shapes = [list(output.shape) for output in outputs]
         raise ModelError(
-            f"{signature.path}: its output must be one float32 tensor (1, {list(expected)}), not {shapes}; {ADVICE}"
+            f"{signature.path}: its output must be one float32 tensor (1, {channels}, {height}, {width}), or 2, 4 or 8 "
+            f"times as coarse, not {shapes}; {ADVICE}"
         )
 
 

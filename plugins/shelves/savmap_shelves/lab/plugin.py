@@ -1,6 +1,7 @@
-"""Racks in the laboratory: for the simulator, for random places, and painted pictures against forgetting."""
+"""Racks in the laboratory: for the simulator, for random places, and painted pictures to train on."""
 
-from pathlib import Path
+import numpy as np
+from numpy.typing import NDArray
 
 from savmap.plugin.hookspecs import hookimpl
 from savmap_shelves.lab.random_racks import random_section
@@ -11,13 +12,14 @@ class ShelvesLab:
     """Racks of the simulator, which make the faces of random places."""
 
     furnishes = True
+    network_classes = ("upright", "beam", "upright_side", "beam_side")
 
     scene = staticmethod(hookimpl(scene))
     random_section = staticmethod(hookimpl(random_section))
 
     @hookimpl
-    def practice_pictures(self, folder: Path, count: int, seed: int) -> None:
+    def practice_picture(self, seed: int, index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Painted pictures of random racks."""
-        from savmap_shelves.lab.painted.pictures import write_pictures  # the painter; only where pictures are made
+        from savmap_shelves.lab.painted.pictures import picture  # the painter; only where pictures are made
 
-        write_pictures(folder, count, seed)
+        return picture(seed, index)
