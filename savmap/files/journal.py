@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 from savmap.errors import OutputError
 from savmap.files.serialization import packed, unpacked
 
-KEEP_S, KEEP_BYTES = 4.0, 64 << 20
+KEEP_S, KEEP_BYTES = 4.0, 24 << 20
 """Between two parts, and the size of one at most: what is lost, and what is held, at most. A part of a few MB costs a
 hundredth of a second to write."""
 log = logging.getLogger("savmap")
@@ -99,6 +99,11 @@ class Journal:
 
     def __exit__(self, *_: object) -> None:
         self.flush()
+
+    def has(self, series: str, number: int) -> bool:
+        """Whether there is a record."""
+        with self._lock:
+            return (series, number) in self._waiting or (series, number) in self._part_of
 
     def get(self, kind: type[Record], series: str, number: int) -> Record | None:
         """The record of this kind, if there is one. ValueError where it is of another kind."""

@@ -338,7 +338,7 @@ class RowWalk:
     def knows(self, number: int) -> bool:
         """Whether a frame of the drive need not be seen again."""
         follows = bool(self.request.gauge_references.markers) or self.request.appearance
-        return not follows and self.journal.get(FrameRecord, self.name, self.first + number) is not None
+        return not follows and self.journal.has(self.name, self.first + number)
 
     def take_known(self, number: int, stamp_s: float) -> None:
         """Take what an earlier run kept of a frame of the drive."""
