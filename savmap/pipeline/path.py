@@ -77,6 +77,7 @@ class PluginAlone:
         self.floor_share: float | None = None
         self._features: Sequence[Feature] | None = None
         self._located: graph.LocatedCamera | None = None
+        self._without_floor: graph.LocatedCamera | None = None
 
     def located(self, measurements: RowMeasurements) -> graph.LocatedCamera | None:
         """The camera's path and the landmarks; None where the plugin cannot be tracked at all.
@@ -93,11 +94,12 @@ class PluginAlone:
         """The first upright plane of the plugin's, and the floor before it, where the pictures tell."""
         points = located.points[self.plugin.name]
         face = next((plane for plane in self.plugin.planes(points) if plane.up[1] > UPRIGHT), None)
-        if face is None:
+        if face is None or located is self._without_floor:
             return None
         places = np.array([*points.values()])
         height = floor_before(face, places, walked.floor, walked.floor_views, located.path, self.floor_share)
         if height is None:
+            self._without_floor = located
             return None
         self.floor_share = height.share
         return face, height
