@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Floats, Orthophoto, PlanePatch, RowStrips, Strip, Trajectory, ViewSpec
+from savmap.types import Floats, Orthophoto, PlanePatch, RowStrips, Strip, Trajectory, ViewSpec, array_record
 
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
@@ -54,6 +54,7 @@ def orthophoto(face: PlanePatch, strips: RowStrips, path: Trajectory) -> Orthoph
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Shot:
     """A strip, its view, and the camera's place (3,) m: to the right of the face's origin, up, and in front of it."""
 
@@ -100,6 +101,7 @@ def pixel_m(face: PlanePatch, shots: Sequence[Shot]) -> float:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Canvas:
     """The cells of a face, `rows` by `columns` from the upper left, for the choice of seams. A cell has `times` by
     `times` pixels of `pixel` m. `corner` (2,) m: the lower left corner of the canvas, right of and above the face's

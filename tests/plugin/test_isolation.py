@@ -300,7 +300,7 @@ def test_a_hook_that_ends_its_process_fails_its_row(place: Path, tmp_path: Path)
     assert caught.value.exit_code == 10
     site_map = json.loads((tmp_path / "out" / "map.json").read_text(encoding="utf-8"))
     assert list(site_map["rows"]) == ["C"]
-    says = "its process ended before it was solved: out of memory, killed, crashed, or plugin_timeout_s in a hook"
+    says = "its process ended before it was mapped: out of memory, killed, crashed, or plugin_timeout_s in a hook"
     assert site_map["failed"] == {"A": says, "B": says}
 
 

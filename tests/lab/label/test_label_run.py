@@ -178,7 +178,7 @@ def test_each_row_is_looked_at_with_its_own_network(recording: Recording, monkey
 
     def segmenters(plugins: Sequence[Any]) -> SimpleNamespace:
         opened.append(plugins[0].model)
-        return SimpleNamespace(networks={"posts": plugins[0].model})
+        return SimpleNamespace(network=lambda loaded: loaded.model)
 
     monkeypatch.setattr("savmap.lab.label.run.SegmenterPool", segmenters)
     opened_plugins = [SimpleNamespace(**{**vars(ROOM), "model": Path(name)}) for name in ("a", "b", "a")]
