@@ -18,7 +18,7 @@ from savmap.types.progress import Monitor
 MEASURED, SOLVED, PICTURED = "measured", "solved", "pictured"
 PLAN_FRAMES = 28
 """Choosing a pass's views takes as long as measuring so many frames: it looks at a fixed number of key frames."""
-SHARES = {MEASURED: 0.45, SOLVED: 0.32, PICTURED: 0.04}
+SHARES = {MEASURED: 0.2, SOLVED: 0.12, PICTURED: 0.045}
 DRAWN = 0.03
 """What follows the walk over a row's frames, in shares of the processor time of that: all frames put together, the
 solve, the orthophoto; and the files that are written of it in the end. They are those of the rows of the demo's aisle,
