@@ -30,7 +30,7 @@ from savmap.pipeline.trust.footage import require_course
 from savmap.pipeline.view_plans import PassPlan, plan_pass, preview_of
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
-from savmap.plugin.segmenters import SegmenterPool
+from savmap.plugin.segmenters import SegmenterPool, close_unused
 from savmap.site.model import MIN_FRAMES, Footage, Pass, pass_names
 from savmap.types import (
     Doubt,
@@ -94,6 +94,7 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     previews.clear()
     networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
     segmenters = SegmenterPool(networks)
+    close_unused()
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
     for footage in dict.fromkeys(row_pass.footage for request in requests for row_pass in request.passes):
         rows = [row for row in walks if isinstance(row, RowWalk) and footage in row.passes]

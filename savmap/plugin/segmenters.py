@@ -108,6 +108,11 @@ def _opened(
     return CachedSegmenter(path, 1, dict(class_names), set(wanted), providers)
 
 
+def close_unused() -> None:
+    """Close the networks that no pool has."""
+    _opened.cache_clear()
+
+
 def _notes(network: Segmenter) -> Sequence[str]:
     notes = [] if network.provider == "cpu" else [f"network {network}"]
     return [*notes, *([network.note] if network.note else [])]
