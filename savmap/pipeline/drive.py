@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from types import TracebackType
 from typing import TypeVar
 
@@ -98,20 +99,22 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
     for footage in dict.fromkeys(row_pass.footage for request in requests for row_pass in request.passes):
         rows = [row for row in walks if isinstance(row, RowWalk) and footage in row.passes]
-        failures = _drive_through(footage, rows, renderer, monitor)
-        walks = [failures.get(id(row), row) for row in walks]
-    return each(walks, lambda row: row.walked())
+        _drive_through(footage, without_failed(rows), renderer, monitor)
+    return each(walks, lambda row: row.failure or row.walked())
 
 
-def _drive_through(
-    footage: Footage, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor
-) -> dict[int, SavmapError]:
-    """Measure one pass of rows, which is the same footage; the errors of those that cannot be measured, by the identity
-    of their walks."""
-    begun = each(rows, lambda row: row.begin(*row.passes[footage], monitor))
-    failures = {id(row): error for row, error in zip(rows, begun, strict=True) if isinstance(error, SavmapError)}
-    sound = [row for row in rows if id(row) not in failures]
-    return failures | (drive_along(sound[0].plan.clip, sound, renderer, monitor) if sound else {})
+def _drive_through(footage: Footage, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> None:
+    """Measure one pass of rows, which is the same footage."""
+    for row in rows:
+        row.attempt(partial(row.begin, *row.passes[footage], monitor))
+    rows = without_failed(rows)
+    if rows:
+        drive_along(rows[0].plan.clip, rows, renderer, monitor)
+
+
+def without_failed(rows: "Sequence[RowWalk]") -> "list[RowWalk]":
+    """The walks that go on."""
+    return [row for row in rows if row.failure is None]
 
 
 def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Renderer, monitor: Monitor) -> Planned:
@@ -138,8 +141,8 @@ def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> Non
         )
 
 
-def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> dict[int, SavmapError]:
-    """Drive along a clip; the errors of rows that cannot be measured, by the identity of their walks."""
+def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monitor: Monitor) -> None:
+    """Drive along a clip. Rows that cannot be measured keep their failure."""
     names = f"row {rows[0].name}" if len(rows) == 1 else f"rows {' and '.join(row.name for row in rows)}"
     report, text = DecodeReport(), f"{names}, {rows[0].plan.name}: measuring"
     with Drive(rows, renderer, report) as drive:
@@ -153,25 +156,23 @@ def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monit
                         break
             drive.finish()
         except VideoError as error:
-            drive.failures |= {id(row): error for row in drive.rows}
+            for row in drive.rows:
+                row.failure = error
         for row in drive.rows:
             for note in row.notes:
                 monitor.note(note)
-        return drive.failures
 
 
 class Drive:
     """Footage that is walked along once, for all rows that are seen in it. `add` takes the frames in order, and needs
     none of those that follow; `finish` ends it. Views are rendered and segmented ahead of their turn by other threads.
 
-    `rows`: the walks that still go on. `failures`: the errors of the others, by the identity of their walks. `report`:
-    of the frames' decoding.
+    `report`: of the frames' decoding.
     """
 
     def __init__(self, rows: "Sequence[RowWalk]", renderer: Renderer, report: DecodeReport) -> None:
-        self.rows, self.renderer, self.report = list(rows), renderer, report
+        self._all, self.renderer, self.report = rows, renderer, report
         self._journal, self._series = rows[0].journal, drive_of(rows[0].name, rows[0].plan.name)
-        self.failures: dict[int, SavmapError] = {}
         self._watch = PassWatch()
         self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
         self._ahead: deque[tuple[Panorama, Future[dict[int, Rendered | SavmapError]]]] = deque()
@@ -183,6 +184,11 @@ class Drive:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._pool.shutdown(cancel_futures=True)
+
+    @property
+    def rows(self) -> "list[RowWalk]":
+        """The walks that still go on."""
+        return without_failed(self._all)
 
     def resume(self) -> list[float]:
         """Take the first frames as far as an earlier run kept them, without their pictures: their times. None where
@@ -220,7 +226,8 @@ class Drive:
         """End the drive."""
         while self._ahead:
             self._take()
-        self._for_each_row(lambda row: row.end(self.report, self._watch.steps))
+        for row in self.rows:
+            row.attempt(partial(row.end, self.report, self._watch.steps))
 
     def _take(self) -> None:
         panorama, future = self._ahead.popleft()
@@ -229,23 +236,12 @@ class Drive:
         decoded = self.report.decoded_by[panorama.frame] if panorama.frame < len(self.report.decoded_by) else 0
         kept = DriveFrame(panorama.stamp_s, grey, decoded, self.report.whole_until_s)
         self._journal.add(self._series, panorama.frame, kept)
-
-        def take(row: "RowWalk") -> None:
+        for row in self.rows:
             shown = rendered[id(row)]
             if isinstance(shown, SavmapError):
-                raise shown
-            row.take(numbered(panorama, row.first), shown)
-
-        self._for_each_row(take)
-
-    def _for_each_row(self, step: "Callable[[RowWalk], None]") -> None:
-        failed = {
-            id(row): error
-            for row, error in zip(self.rows, each(self.rows, step), strict=True)
-            if isinstance(error, SavmapError)
-        }
-        self.failures |= failed
-        self.rows = [row for row in self.rows if id(row) not in failed]
+                row.failure = shown
+            else:
+                row.attempt(partial(row.take, numbered(panorama, row.first), shown))
 
     def _rendered(self, panorama: Panorama, rows: "Sequence[RowWalk]") -> dict[int, Rendered | SavmapError]:
         """What each row needs of a panorama; a view that several ask for is rendered once."""
@@ -277,6 +273,8 @@ class RowWalk:
             row_pass.footage: (name, row_pass) for name, row_pass in names
         }
         self.plan, self._first_plan = first_plan, first_plan
+        self.failure: SavmapError | None = None
+        """Why the row cannot be measured."""
         self.first = 0
         """The number of the drive's first frame in the row."""
         markers = self.request.gauge_references.markers
@@ -304,6 +302,13 @@ class RowWalk:
         self.doubts: list[Doubt] = []
         self.skipped = 0
         self._region: Region | None = None
+
+    def attempt(self, step: Callable[[], None]) -> None:
+        """Take a step of the walk, which may fail."""
+        try:
+            step()
+        except SavmapError as error:
+            self.failure = error
 
     def begin(self, name: str, row_pass: Pass, monitor: Monitor) -> None:
         """Begin a pass: choose its views."""
@@ -357,9 +362,9 @@ class RowWalk:
                 followed = tuple(self.renderer.render(panorama, spec) for spec in specs)
         else:
             followed, cuts, strip = tuple(rendered[0]), *rendered[1:]
-            record = self._measured(panorama, followed, cuts)
+            record, maps = self._measured(panorama, followed, cuts)
             if strip is not None:
-                self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=self._maps(followed)))
+                self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=maps))
             if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
                 self.journal.add(self.name, panorama.frame, record)
         for view in followed:
@@ -436,10 +441,14 @@ class RowWalk:
         self._region = region
         return PanoramaStrip.of(panorama, region)
 
-    def _measured(self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]) -> FrameRecord:
-        """All plugins' features in a frame's views, and these packed."""
+    def _measured(
+        self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]
+    ) -> tuple[FrameRecord, dict[str, dict[str, bytes]]]:
+        """All plugins' features in a frame's views, and these packed; what networks gave for them, by plugin and
+        view."""
         features: dict[str, list[Feature]] = {name: [] for name in self.features}
         packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
+        maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
         for view in views:
             for plugin in self._plugins_at(view):
                 detections = self.segmenters.detect(plugin, view)
@@ -447,16 +456,8 @@ class RowWalk:
                 if plugin.name in packed_views:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))
-        return FrameRecord(features, packed_views, cuts)
-
-    def _maps(self, views: Sequence[View]) -> dict[str, dict[str, bytes]]:
-        """What networks gave for a frame's views, by plugin and view."""
-        maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
-        for view in views:
-            for plugin in self._plugins_at(view):
-                if plugin.name in maps:
-                    maps[plugin.name][view.spec.name] = packed_maps(self.segmenters.predict(plugin, view))
-        return maps
+                    maps[plugin.name][view.spec.name] = packed_maps(seen)
+        return FrameRecord(features, packed_views, cuts), maps
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]
