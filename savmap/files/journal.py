@@ -41,10 +41,14 @@ class Parts(Protocol):
 
 
 class TemporaryParts:
-    """Parts in a folder that is removed once nobody asks for them any more."""
+    """Parts in a folder that is removed once nobody asks for them any more. Raises OutputError where none can be
+    made."""
 
     def __init__(self) -> None:
-        self._folder = Path(tempfile.mkdtemp(prefix="savmap-"))
+        try:
+            self._folder = Path(tempfile.mkdtemp(prefix="savmap-"))
+        except OSError as error:
+            raise OutputError(f"no temporary folder can be made ({error.strerror}): set TMPDIR to one") from error
         weakref.finalize(self, shutil.rmtree, self._folder, True)
 
     def load(self, part: int) -> bytes | None:

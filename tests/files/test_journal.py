@@ -1,6 +1,7 @@
 """Records kept in parts: what was kept is there again, up to what is damaged, and a disk that is full costs no work."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -120,3 +121,9 @@ def test_without_parts_records_last_as_long_as_the_journal(monkeypatch: pytest.M
 def test_forgotten_parts_are_dropped(kept: Shelf) -> None:
     forget(kept)
     assert kept.parts == {}
+
+
+def test_where_no_temporary_folder_can_be_made_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
+    with pytest.raises(OutputError, match=r"no temporary folder can be made .*: set TMPDIR to one"):
+        Journal()
