@@ -127,7 +127,7 @@ CASES = (
     Case("upside down", of(turned(0, 0, 180)), "upside down|no building|no structure|tilted|contradict|bays were found", True, new_way=True),
     Case("reversed", ordered(lambda p: p[::-1]), side=other_hand),
     Case("reversed, side as it was", ordered(lambda p: p[::-1]), f"{CONTRADICTED}|not on the|side"),
-    Case("mirrored", of(lambda p: p[:, ::-1]), f"{CONTRADICTED}|residual", new_way=True),
+    Case("mirrored", of(lambda p: p[:, ::-1]), f"{CONTRADICTED}|do not agree|panorama", new_way=True),
     Case("there and back", ordered(lambda p: [*p, *p[::-1]]), BACK),
     Case("there and a third back", ordered(lambda p: [*p, *p[::-1][: len(p) // 3]]), BACK),
     Case("there, round and back", ordered(u_turn), f"{BACK}|turned away"),

@@ -26,7 +26,7 @@ BENCHES: Mapping[str, Bench] = {
         {**ERRORS, "whole": "more", "trusted": "more", "refused": "less", "lamps cm": "less"},
     ),
     "verdicts": Bench(
-        "Which doubts about maps are true, which false, and what is wrong that none names?",
+        "Which warnings about maps are true, which false, and what is wrong that none names?",
         1,
         {"true": "more", "false": "less", "unnamed": "less", "trusted": "more"},
     ),

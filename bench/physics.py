@@ -41,6 +41,7 @@ from savmap.site.load import draft_of, site_of
 from savmap.site.locations import SourceMap
 from savmap.types import RowMap
 from savmap.types.progress import SilentMonitor
+from savmap.types.verdicts import WARNINGS, WarningCode
 
 ROW, PLUGIN = "A", "shelves"
 TIMES = (3, 10, 30)
@@ -66,13 +67,13 @@ class Filmed:
 @dataclass(frozen=True)
 class Case:
     """A way to be wrong: `change` gives the site's content and the folder that its footage is in. `off_m`: by how much one reference is
-    wrong. A doubt of one of the `kinds`, or a refusal, must contain one of the `words`."""
+    wrong. A warning of one of the `codes`, or a refusal, must contain one of the `words`."""
 
     name: str
     change: Callable[[Filmed], tuple[Content, Path]]
     words: tuple[str, ...] = ("",)
     off_m: float = np.inf
-    kinds: tuple[str, ...] = ("reference",)
+    codes: Sequence[WarningCode] = ("reference-conflict", "doubtful-scale")
 
 
 def given(content: Content) -> Content:
@@ -238,9 +239,9 @@ def unit_cases(row: Filmed) -> Iterator[Case]:
     """References in feet."""
 
     def case(name: str, change: Callable[[Content, Content], None], *words: str) -> Case:
-        return Case(name, references_only(change), words, kinds=("reference", "shape"))
+        return Case(name, references_only(change), words)
 
-    size = "another unit"
+    size = "metres"
     yield case("everything in feet", all_in(FOOT_M), size)
     more = camera_height(row) * (1 / FOOT_M - 1)
     yield case("a camera height in feet, no laser", camera_off(more, laser=False), size, "camera height")
@@ -338,27 +339,25 @@ def with_passes(passes: Callable[[list[Content], Content], list[Content]]) -> Ca
 
 def clip_cases(row: Filmed) -> Iterator[Case]:
     """The references are right, but of another clip; in simulated rows the mast is raised half-way, and its height given as before."""
-    kinds = ("reference", "camera", "motion")
+    codes = tuple(code for code, kind in WARNINGS.items() if not kind.of_elements and code != "incomplete-map")
 
     def swap_sides(clip: Content, _: Filmed) -> None:
         clip["side"] = other_hand(clip["side"])
 
-    yield Case("sides swapped", of_clip(swap_sides), ANYTHING, kinds=kinds)
-    yield Case("the first half of the clip", of_clip(first_part(1 / 2)), ANYTHING, kinds=kinds)
-    yield Case("the first two thirds of the clip", of_clip(first_part(2 / 3)), ANYTHING, kinds=kinds)
-    yield Case("a gap, times kept", of_clip(gap(True)), ("frames are missing",), kinds=kinds)
-    yield Case("a gap, times rewritten", of_clip(gap(False)), ("frames are missing", "frames seem"), kinds=kinds)
-    more = (*kinds, "support", "residuals", "repeatability", "shape")
+    yield Case("sides swapped", of_clip(swap_sides), ANYTHING, codes=codes)
+    yield Case("the first half of the clip", of_clip(first_part(1 / 2)), ANYTHING, codes=codes)
+    yield Case("the first two thirds of the clip", of_clip(first_part(2 / 3)), ANYTHING, codes=codes)
+    yield Case("a gap, times kept", of_clip(gap(True)), ("frames are missing",), codes=codes)
+    yield Case("a gap, times rewritten", of_clip(gap(False)), ("frames are missing", "frames seem"), codes=codes)
+    more = tuple(WARNINGS)
     second = (*ANYTHING, "pass 2", "passes 1 and 2")
-    yield Case("another row's clip", with_passes(lambda _, other: [other]), ANYTHING, kinds=more)
+    yield Case("another row's clip", with_passes(lambda _, other: [other]), ANYTHING, codes=more)
     yield Case(
-        "another row's clip as a second pass", with_passes(lambda passes, other: [*passes, other]), second, kinds=more
+        "another row's clip as a second pass", with_passes(lambda passes, other: [*passes, other]), second, codes=more
     )
-    yield Case(
-        "the clip twice, as two passes", with_passes(lambda passes, _: 2 * passes), second[:-1], kinds=(*more, "passes")
-    )
+    yield Case("the clip twice, as two passes", with_passes(lambda passes, _: 2 * passes), second[:-1], codes=more)
     if (row.folder / "scene.yaml").is_file():
-        yield Case("the mast raised by 30 cm half-way", of_clip(raised(0.3)), ("camera height", "height"), kinds=kinds)
+        yield Case("the mast raised by 30 cm half-way", of_clip(raised(0.3)), ("camera height", "height"), codes=codes)
 
 
 def render_raised(scene: Path, metres: float, clip: Path) -> None:
@@ -378,11 +377,11 @@ WORDS = ("right", "SILENTLY WRONG", "FALSE ALARM", "OTHER REASON", "uncheckable"
 
 @dataclass(frozen=True)
 class Unchanged:
-    """How a row is mapped without any change: its errors, as `errors` gives them, and its doubts about elements that are wrong indeed, by
+    """How a row is mapped without any change: its errors, as `errors` gives them, and its warnings about elements that are wrong indeed, by
     kind and ids."""
 
     errors: Mapping[str, tuple[float, float]]
-    doubts: Set[tuple[str, tuple[str, ...]]]
+    warnings: Set[tuple[str, str]]
 
     @classmethod
     def of(cls, row: RowMap, survey: Mapping[str, Any]) -> "Unchanged":
@@ -390,18 +389,19 @@ class Unchanged:
         assert row.verdict is not None
         found = errors(row, survey)
         wrong = [label for label, (error, sigma) in found.items() if _is_wrong(error, sigma)]
-        doubts = {
-            (doubt.kind, doubt.structures)
-            for doubt in row.verdict.doubts
-            if any(label.startswith(f"{name} / ") for label in wrong for name in doubt.structures)
+        warnings = {
+            (warning.code, name)
+            for warning in row.verdict.warnings
+            for name in warning.subjects
+            if any(label.startswith(f"{name} / ") for label in wrong)
         }
-        return cls(found, doubts)
+        return cls(found, warnings)
 
 
 @dataclass(frozen=True)
 class Ending:
     """How a row ended: `trusted`, `check` or `refused`, why as far as it is about the case, the largest error that the change made, m, whether
-    the map told how large an error of this reference nobody would notice, and doubts about other things, other than the unchanged row's."""
+    the map told how large an error of this reference nobody would notice, and warnings about other things, other than the unchanged row's."""
 
     grade: str
     reason: str
@@ -477,9 +477,13 @@ def ending(case: Case, row: Filmed, output: Path, before: Unchanged) -> Ending:
     worst = made_wrong(errors(found, row.survey), before.errors)
     assert found.verdict is not None
     told = any(_unnoticed(note, case.words) >= case.off_m for note in found.verdict.notes)
-    doubts = [doubt for doubt in found.verdict.doubts if (doubt.kind, doubt.structures) not in before.doubts]
-    true = "; ".join("; ".join((doubt.line, *doubt.details)) for doubt in doubts if doubt.kind in case.kinds)
-    others = "; ".join(f"({doubt.line})" for doubt in doubts if doubt.kind not in case.kinds)
+    warnings = [
+        warning
+        for warning in found.verdict.warnings
+        if not warning.subjects or any((warning.code, name) not in before.warnings for name in warning.subjects)
+    ]
+    true = "; ".join("; ".join((warning.line, *warning.details)) for warning in warnings if warning.code in case.codes)
+    others = "; ".join(f"({warning.line})" for warning in warnings if warning.code not in case.codes)
     return Ending(found.verdict.grade, true, worst, told, others)
 
 
@@ -492,7 +496,7 @@ def _unnoticed(note: str, words: Sequence[str]) -> float:
 
 
 def judged(case: Case, found: Ending) -> str:
-    """In a word: `right`, `uncheckable` where the map says that such an error would not be noticed, or what is bad. A doubt about something
+    """In a word: `right`, `uncheckable` where the map says that such an error would not be noticed, or what is bad. A warning about something
     else is no excuse for a wrong map."""
     if case.name == NOTHING:
         return "FALSE ALARM" if found.reason or found.others else "right"

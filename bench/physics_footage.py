@@ -27,12 +27,14 @@ from bench.clips import Frames, Packing, read, write
 from savmap.errors import SavmapError
 from savmap.pipeline.trust.footage import require_course, require_panoramas
 from savmap.site.load import load_site
-from savmap.types import Doubt, Floats, Structure
+from savmap.types import Floats, MapWarning, Structure
 from savmap.video.motion import PassWatch, Steps
 from savmap.video.reader import Clip, panoramas, preview_frames
 
 WAYS = ("drives", "files", "cameras")
 SIGMAS, SLACK_M = 3.0, 0.01
+FOOTAGE = ("bad-panorama", "stretched-pictures", "lens-seam", "missing-frames", "camera-motion")
+"""The codes of warnings about the footage."""
 
 
 def steps_of(video: Path) -> Steps:
@@ -50,13 +52,18 @@ def usual_attitude(steps: Steps, side: str) -> Floats:
     return np.array([[np.sin(way), 0.0, np.cos(way)], [0, 1, 0], [0, 0, 1]])
 
 
-def looked_at(clip: Path, attitude: Floats) -> tuple[str, Sequence[Doubt]]:
-    """What the footage alone says: an error in words, or doubts."""
+def looked_at(clip: Path, attitude: Floats) -> tuple[str, Sequence[MapWarning]]:
+    """What the footage alone says: an error in words, or warnings."""
     try:
-        doubts = require_panoramas(clip, preview_frames(Clip(clip))[0])
-        return "", (*doubts, *require_course("pass 1", clip, steps_of(clip), attitude, None))
+        warnings = require_panoramas(clip, preview_frames(Clip(clip))[0])
+        return "", (*warnings, *require_course("pass 1", clip, steps_of(clip), attitude, None))
     except SavmapError as error:
         return str(error), ()
+
+
+def reason(warning: MapWarning) -> str:
+    """A warning with its details."""
+    return "; ".join((warning.line, *warning.details))
 
 
 def site_of(site: Path, clip: Path, case: Case, length_s: float) -> Path:
@@ -85,7 +92,7 @@ def mapped(site: Path, survey: Path) -> dict[str, Any]:
     lost = sum(score.missing.values()) + sum(score.spurious.values())
     return {
         "ending": row.verdict.grade,
-        "reasons": [f"{doubt.kind}: {doubt.line}" for doubt in row.verdict.doubts],
+        "reasons": [reason(warning) for warning in row.verdict.warnings],
         "right": not off and not lost,
         "mean_cm": 100 * float(np.mean(list(score.deviations.values()))) if score.deviations else float("inf"),
         "worst_cm": 100 * max(score.deviations.values(), default=float("inf")),
@@ -105,18 +112,16 @@ def judged(case: Case, result: Mapping[str, Any]) -> str:
             return "SILENTLY WRONG"
         return "ok" if not case.words or case.either else "ok (right all the same)"
     if not case.words:
-        footage = result["ending"] == "refused" or any(
-            re.match("camera|motion", reason) for reason in result["reasons"]
-        )
-        return "false alarm" if footage else "doubted by others"
+        footage = result["ending"] == "refused" or any(reason.startswith(FOOTAGE) for reason in result["reasons"])
+        return "false alarm" if footage else "warned of by others"
     return "ok" if re.search(case.words, " ".join(result["reasons"])) else "other reason"
 
 
 def ending_of(case: Case, clip: Path, frames: Frames, site: Path, attitude: Floats, which: str) -> dict[str, Any]:
     """One case on one row, whose changed clip is written already."""
     start = time.perf_counter()
-    error, doubts = looked_at(clip, attitude)
-    reasons = [error] if error else [f"{doubt.kind}: {doubt.line}" for doubt in doubts]
+    error, warnings = looked_at(clip, attitude)
+    reasons = [error] if error else [reason(warning) for warning in warnings]
     result: dict[str, Any] = {"ending": "refused" if error else "check", "reasons": reasons, "by": "footage"}
     if which == "all" or (which == "quiet" and not reasons):
         result = mapped(site_of(site, clip, case, frames[-1][0]), site.with_name("survey.json"))

@@ -1,11 +1,11 @@
-"""Are the verdicts of maps true? Which doubts name something wrong, which none, and what is wrong that no doubt names.
+"""Are the verdicts of maps true? Which warnings name something wrong, which none, and what is wrong that no warning names.
 
     python -m bench verdicts MAP ...
 
-MAP is a map's folder beside its survey.json, as `python -m bench rows --keep` leaves it (`out` in each row's folder). A doubt is true where an
+MAP is a map's folder beside its survey.json, as `python -m bench rows --keep` leaves it (`out` in each row's folder). A warning is true where an
 element that it names is more than 1 cm or two of its standard deviations off or does not exist, or where its bay (for lamps, the space around it)
 lacks one. Unnamed is what is both more than 1 cm and two standard deviations off, or does not exist, or is missing, between the row's ends, and in
-no doubt. Maps of test seeds count in the totals only.
+no warning. Maps of test seeds count in the totals only.
 """
 
 import argparse
@@ -20,8 +20,7 @@ from bench.baseline import Figures
 from bench.seeds import SEEDS, is_test
 from bench.sigmas import Figure, figures_of
 from savmap.maps.survey import read_survey
-from savmap.pipeline.trust.ends import beyond_ends
-from savmap.types import Doubt, RowMap, Structure
+from savmap.types import MapWarning, RowMap, Structure
 
 WRONG_M, SIGMAS = 0.01, 2.0
 NEAR_M, LAMP_NEAR_M = 0.5, 1.0
@@ -75,16 +74,15 @@ def missing_lamps(row: RowMap, survey: Mapping[str, Any]) -> Iterator[str]:
             yield f"lamp at x = {middle[0]:.2f} m"
 
 
-def wrong_of(doubt: Doubt, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]) -> list[str]:
-    """What of that which is wrong a doubt names: by its structures; by what it says of what is near one; all where it names none."""
-    named = [
-        *doubt.structures,
-        *(name for name in structures if not doubt.structures and f"{name} " in f"{doubt.line} "),
-    ]
+def wrong_of(
+    warning: MapWarning, structures: Mapping[str, Structure], wrong: Mapping[str, tuple[bool, str]]
+) -> list[str]:
+    """What of that which is wrong a warning names: by its subjects; all where it names none."""
+    named = warning.subjects
     if not named:
         return [*wrong]
     own = [name for name in named if name in wrong]
-    if "missing" in doubt.line or "shines" in doubt.line:
+    if warning.code in ("uncertain-element", "incomplete-map"):
         sections = {name.split(" / ")[0] for name in named}
         own += [name for name in wrong if " lacks " in name and name.split(" lacks ")[0] in sections]
         own += [
@@ -99,32 +97,42 @@ def _beside(x: float, named: Sequence[str], structures: Mapping[str, Structure])
     return bool(places) and min(places) - NEAR_M < x < max(places) + NEAR_M
 
 
+def beyond_ends(row: RowMap) -> set[str]:
+    """The ids of what is wholly beyond the row's ends."""
+    face = np.concatenate([one.vertices[:, 0] for one in row.structures.get("shelves", ())] or [np.zeros(0)])
+    every = [one for of_plugin in row.structures.values() for one in of_plugin] if len(face) else []
+    return {one.id for one in every if one.vertices[:, 0].max() < face.min() or one.vertices[:, 0].min() > face.max()}
+
+
 def verdict_of(folder: Path) -> dict[str, Any]:
-    """The verdict on a map's first row, its doubts, and what is wrong that none names."""
+    """The verdict on a map's first row, its warnings, and what is wrong that none names."""
     site, survey = savmap.load_map(folder / "map.json"), folder.parent / "survey.json"
     name, row = next(iter(site.rows.items()))
     evaluation = savmap.evaluate(site, survey)
     deviations = {key: value for part in evaluation.deviations.get(name, {}).values() for key, value in part.items()}
     wrong = truth_of(row, read_survey(survey).rows[name], deviations)
     structures = {one.id: one for of_plugin in row.structures.values() for one in of_plugin}
-    doubts = row.verdict.doubts if row.verdict else ()
-    named_by = [(doubt, wrong_of(doubt, structures, wrong)) for doubt in doubts]
-    named = {name for _, names in named_by for name in names} | beyond_ends(row.structures, frozenset({"shelves"}))
+    warnings = row.verdict.warnings if row.verdict else ()
+    named_by = [(warning, wrong_of(warning, structures, wrong)) for warning in warnings]
+    named = {name for _, names in named_by for name in names} | beyond_ends(row)
     return {
         "verdict": row.verdict.grade if row.verdict else "-",
-        "doubts": [
-            {"doubt": f"{doubt.kind}: {doubt.line}", "wrong": "; ".join(f"{name}: {wrong[name][1]}" for name in names)}
-            for doubt, names in named_by
+        "warnings": [
+            {
+                "warning": warning.line,
+                "wrong": "; ".join(f"{name}: {wrong[name][1]}" for name in names),
+            }
+            for warning, names in named_by
         ],
         "unnamed": {one: what for one, (gross, what) in wrong.items() if gross and one not in named},
     }
 
 
 def print_row(name: str, result: Mapping[str, Any]) -> None:
-    """A row's verdict, doubts, and what none names."""
+    """A row's verdict, warnings, and what none names."""
     print(f"{name}: {result['verdict']}")
-    for doubt in result["doubts"]:
-        print(f"  {'true ' if doubt['wrong'] else 'FALSE'} {doubt['doubt']} [{doubt['wrong']}]")
+    for warning in result["warnings"]:
+        print(f"  {'true ' if warning['wrong'] else 'FALSE'} {warning['warning']} [{warning['wrong']}]")
     for one, what in result["unnamed"].items():
         print(f"  UNNAMED {one}: {what}")
 
@@ -141,14 +149,14 @@ def run(given: argparse.Namespace) -> Figures:
         seed = name.rpartition("-")[2]
         if not (seed.isdigit() and any(is_test(family, int(seed)) for family in SEEDS)):
             print_row(name, result)
-    doubts = [[bool(doubt["wrong"]) for doubt in result["doubts"]] for result in results.values()]
+    warnings = [[bool(warning["wrong"]) for warning in result["warnings"]] for result in results.values()]
     return {
         "total": {
             "rows": len(results),
             "trusted": sum(result["verdict"] == "trusted" for result in results.values()),
-            "true": sum(map(sum, doubts)),
-            "false": sum(map(len, doubts)) - sum(map(sum, doubts)),
-            "rows with false doubts only": sum(bool(row) and not any(row) for row in doubts),
+            "true": sum(map(sum, warnings)),
+            "false": sum(map(len, warnings)) - sum(map(sum, warnings)),
+            "rows with false warnings only": sum(bool(row) and not any(row) for row in warnings),
             "unnamed": sum(len(result["unnamed"]) for result in results.values()),
         }
     }

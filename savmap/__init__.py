@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from savmap.report.viewer.notebook import MapView as MapView
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
-    from savmap.types import Doubt as Doubt
     from savmap.types import Evaluation as Evaluation
     from savmap.types import Feature as Feature
     from savmap.types import FrameTable as FrameTable
+    from savmap.types import MapWarning as MapWarning
     from savmap.types import Panorama as Panorama
     from savmap.types import Placement as Placement
     from savmap.types import ReferenceUse as ReferenceUse
@@ -77,7 +77,7 @@ _NAMES = {
     "savmap.plugin.protocol": "Plugin",
     "savmap.report.viewer.notebook": "MapView",
     "savmap.types": (
-        "CrossRowLandmark Detection Doubt Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts "
+        "CrossRowLandmark Detection MapWarning Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts "
         "RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec"
     ),
     "savmap.types.progress": "Monitor",

@@ -97,7 +97,7 @@ class PluginsLeftOutError(SavmapError):
     exit_code = 11
 
 
-class DoubtfulError(SavmapError):
+class MustCheckError(SavmapError):
     """The map was made and written, but a person should check what speaks against it."""
 
     exit_code = 12

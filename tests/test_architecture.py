@@ -50,8 +50,8 @@ VAGUE = {
 }
 """Names that say nothing of what a variable holds."""
 TO_BE_REPLACED = re.compile(
-    r"plugins/shelves/savmap_shelves/(boundaries|tracking|evidence|doubts)/|plugins/lights/savmap_lights/(picture|space)/|"
-    r"plugins/lights/savmap_lights/doubts\.py|savmap/(vision/evidence|graph/solver/judgement|pipeline/trust)/|"
+    r"plugins/shelves/savmap_shelves/(boundaries|tracking|evidence)/|plugins/lights/savmap_lights/(picture|space)/|"
+    r"savmap/(vision/evidence|graph/solver/judgement)/|"
     r"savmap/pipeline/second_look\.py"
 )
 """Recognition by rules, which one model replaces: it is not cleaned any more."""

@@ -2,7 +2,7 @@
 
 from savmap.assembly.alignment import Aligned, aligned, alignment_lines
 from savmap.assembly.assemble import SQUARE_DEG, Assembly, assembled, site_lines
-from savmap.assembly.doubts import rows_with_same_face, same_face_doubts, with_confirmed, with_doubts
+from savmap.assembly.misfits import rows_with_same_face, same_face_warnings, with_confirmed, with_warnings
 
 __all__ = [
     "SQUARE_DEG",
@@ -12,8 +12,8 @@ __all__ = [
     "alignment_lines",
     "assembled",
     "rows_with_same_face",
-    "same_face_doubts",
+    "same_face_warnings",
     "site_lines",
     "with_confirmed",
-    "with_doubts",
+    "with_warnings",
 ]

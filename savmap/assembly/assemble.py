@@ -12,8 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
-from savmap.assembly.doubts import drive_doubts, match_doubts, placement_doubts, with_doubts
 from savmap.assembly.matches import LandmarkMatch, match_landmarks, overlap_record, worst_of_each
+from savmap.assembly.misfits import drive_warnings, match_warnings, placement_warnings, with_warnings
 from savmap.assembly.overlap import Overlap, Recordings, overlaps
 from savmap.graph.site_poses import SitePoses, solve_site_poses
 from savmap.types import CrossRowLandmark, CrossRowMatch, Floats, Placement, RowMap, SiteMap, Structure
@@ -33,7 +33,7 @@ Landmarks = Mapping[str, Sequence[CrossRowLandmark]]
 
 @dataclass(frozen=True)
 class Assembly:
-    """The site map with placements, matches and doubts about rows that do not fit one another, and notes for the
+    """The site map with placements, matches and warnings about rows that do not fit one another, and notes for the
     user."""
 
     site_map: SiteMap
@@ -67,12 +67,12 @@ def assembled(
     solved = solver.matched(landmarks)
     drives = [overlap_record(overlap, solved.poses) for overlap in used]
     placed = _placed(site_map, drives, solved)
-    doubts = (
-        placement_doubts(given, solved.poses),
-        drive_doubts(used, drives),
-        match_doubts(solved.left_out, solved.poses),
+    warnings = (
+        placement_warnings(given, solved.poses),
+        drive_warnings(used, drives),
+        match_warnings(solved.left_out, solved.poses),
     )
-    return Assembly(with_doubts(placed, *doubts), tuple(solved.ambiguous))
+    return Assembly(with_warnings(placed, *warnings), tuple(solved.ambiguous))
 
 
 def gauge_of(rows: Mapping[str, RowMap], common: Sequence[Overlap]) -> dict[str, Placement]:

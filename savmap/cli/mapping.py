@@ -70,19 +70,19 @@ def failures_told(source: Path, output: Path) -> Iterator[None]:
 
 
 def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
-    """A line for each row's verdict, two for each doubt, and one for its notes; last, where the details of doubts
+    """A line for each row's verdict, two for each warning, and one for its notes; last, where the details of warnings
     are."""
     verdicts = {row.name: row.verdict for row in site_map.rows.values() if row.verdict}
     for name, verdict in verdicts.items():
         yield f"row {name}: {verdict.grade}"
-        for doubt in verdict.doubts:
-            yield f"  {doubt.headline}: {doubt.figure}" if doubt.figure else f"  {doubt.headline}"
-            if doubt.action:
-                yield f"    {doubt.action}"
+        for warning in verdict.warnings:
+            what = f"{warning.headline}, {warning.figure}" if warning.figure else warning.headline
+            yield f"  {warning.code}: {what}"
+            yield f"    {warning.action}"
         if verdict.notes:
             more = len(verdict.notes) - 1
             yield f"  note: {verdict.notes[0]}{f' (and {more} more in the report)' if more else ''}"
-    if any(verdict.doubts for verdict in verdicts.values()):
+    if any(verdict.warnings for verdict in verdicts.values()):
         yield f"details: {folder / 'report.html'}, {folder / MAP}, savmap view {folder}"
 
 

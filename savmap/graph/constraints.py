@@ -28,7 +28,7 @@ class Relation:
     A relation with a `name` is a figure that the user gave: it may fix scale and place, and is reported. One without a
     name is structure: a grid line, the face plane. `note_if_outlier` is for a named relation whose landmark may have
     been taken for another: where all other references refute it, it is left out and the user gets this line.
-    `may_be_missing`: that is no reason to doubt the map, for the user did not say that this very landmark exists.
+    `may_be_missing`: that is no reason to warning the map, for the user did not say that this very landmark exists.
     `presumed` is for a named relation that the plugin takes for granted and nobody measured: what to tell the user
     where more is found than its value. It is the first to be left out then.
     """

@@ -48,7 +48,7 @@ from savmap.graph.solver.optimise import (
     solution_of,
 )
 from savmap.graph.solver.solution import Solution
-from savmap.types import Doubt, Floats, Ints
+from savmap.types import Floats, Ints, MapWarning
 
 CONTRADICTION_SIGMA = 5.0
 WORSE = 1.5
@@ -84,39 +84,37 @@ def solve_rows(
     return [_with_refusals(row, together, problems, moments) for row in range(len(together))]
 
 
+REFUSED = "another row of its drive cannot be mapped: what is given for both may be wrong"
+
+
 def _with_refusals(
     row: int, results: Sequence[Solution | SolveError], problems: Sequence[Problem], moments: Moments
 ) -> Solution | SolveError:
-    """A row's result; with a doubt where another row of its drive is refused: what was given for both may be wrong."""
+    """A row's result; with a warning where another row of its drive is refused."""
     result = results[row]
     if isinstance(result, SolveError):
         return result
     refused = [
-        Doubt(
-            "reference",
-            "another row of its drive cannot be mapped",
-            action=f"check what is given for both: row {problems[other].camera.facts.name}",
-        )
+        MapWarning("reference-conflict", (f"row {problems[other].camera.facts.name}",), details=(REFUSED,))
         for other, error in enumerate(results)
         if isinstance(error, SolveError) and set(moments[row]) & set(moments[other])
     ]
-    return replace(result, doubts=(*result.doubts, *refused))
+    return replace(result, warnings=(*result.warnings, *refused))
 
 
 def _solutions(
     iterates: Sequence[Iterate], moments: Moments, site_wide: Collection[str]
 ) -> Sequence[Solution | SolveError]:
     shared = shared_frames([iterate.problem.used for iterate in iterates], moments)
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
     if shared:
         try:
             return JointRows(iterates, shared, moments, {*site_wide, MARKERS}).solutions()
         except SolveError as error:
-            what = "the rows of a drive contradict one another"
-            names = ", ".join(iterate.problem.camera.facts.name for iterate in iterates)
-            details = (f"each is mapped without the others: {error}",)
-            doubts = (Doubt("reference", what, action=f"check what is given for these rows: {names}", details=details),)
-    return [_attempt(solution_of, reduce(Iterate.doubted, doubts, iterate)) for iterate in iterates]
+            names = tuple(f"row {iterate.problem.camera.facts.name}" for iterate in iterates)
+            details = (f"the rows of a drive contradict one another; each is mapped without the others: {error}",)
+            warnings = (MapWarning("reference-conflict", names, details=details),)
+    return [_attempt(solution_of, reduce(Iterate.warned, warnings, iterate)) for iterate in iterates]
 
 
 def _attempt(solve: Callable[..., Result], *arguments: object) -> Result | SolveError:

@@ -76,7 +76,7 @@ class KnownMarker:
 
 OnContradiction = Literal["check", "refuse", "leave_out"]
 """What becomes of a row where a reference is contradicted: it is mapped without it and doubted, refused, or mapped
-without a doubt."""
+without a warning."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from savmap.assembly import aligned, assembled, same_face_doubts, with_confirmed, with_doubts
+from savmap.assembly import aligned, assembled, same_face_warnings, with_confirmed, with_warnings
 from savmap.errors import (
-    DoubtfulError,
+    MustCheckError,
     OutputError,
     PluginsLeftOutError,
     RowsFailedError,
@@ -52,7 +52,7 @@ DRAWN = "drawn"
 VIEWS: tuple[Picture, ...] = ("face", "plan")
 MAP, MESSAGES = "map.json", "savmap.log"
 RESOLVED, REPORT, BOX_PLOT = "site.resolved.json", "report.html", "errors.png"
-MAPPED = (RowsFailedError, PluginsLeftOutError, DoubtfulError)
+MAPPED = (RowsFailedError, PluginsLeftOutError, MustCheckError)
 """How runs end whose map was written."""
 
 
@@ -70,7 +70,7 @@ class SiteRun:
 
     def raise_if_incomplete(self, job: Job) -> None:
         """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed,
-        DoubtfulError where something speaks against a row's map."""
+        MustCheckError where something speaks against a row's map."""
         banner = self.site_map.banner
         if self.failed_rows:
             raise RowsFailedError(f"{banner}; {job.output / MAP} says why")
@@ -80,7 +80,7 @@ class SiteRun:
                 f"mapped without plugins that failed: {names}; {job.output / MESSAGES} says where and why"
             )
         if banner:
-            raise DoubtfulError(f"mapped, but {banner}; the reasons are above and in {job.output / REPORT}")
+            raise MustCheckError(f"mapped, but {banner}; the reasons are above and in {job.output / REPORT}")
 
 
 def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
@@ -223,7 +223,7 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     survey = read_survey(job.site.survey) if job.site.survey else None
     with failures_gathered() as failures, warnings_as_notes(monitor):
         placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
-        placed = with_doubts(placed, same_face_doubts({name: job.site.rows[name] for name in placed.rows}))
+        placed = with_warnings(placed, same_face_warnings({name: job.site.rows[name] for name in placed.rows}))
         confirmed = with_confirmed(placed, {name: row.confirmed for name, row in job.site.rows.items()})
         site_map, further = in_users_world(job, confirmed.site_map)
         for note in (*notes, *confirmed.unused, *further):

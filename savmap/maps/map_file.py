@@ -29,10 +29,10 @@ from savmap.types import (
     AlignmentResidual,
     Attribute,
     CrossRowMatch,
-    Doubt,
     Floats,
     FrameTable,
     JointCovariance,
+    MapWarning,
     Measured,
     Placement,
     ReferenceUse,
@@ -44,7 +44,6 @@ from savmap.types import (
     Verdict,
     ViewSpec,
 )
-from savmap.types.verdicts import MOST_WORDS
 
 COORDINATE, SIGMA, FIGURE, QUATERNION = 5, 6, 6, 9
 """Decimals."""
@@ -128,26 +127,24 @@ def _row_entry(row: RowMap) -> Entry:
 
 
 def _verdict_entry(verdict: Verdict) -> Entry:
-    doubts = [_doubt_entry(doubt) for doubt in verdict.doubts]
-    return {"grade": verdict.grade, "doubts": doubts, "notes": list(verdict.notes)}
+    warnings = [_warning_entry(warning) for warning in verdict.warnings]
+    return {"grade": verdict.grade, "warnings": warnings, "notes": list(verdict.notes)}
 
 
-def _doubt_entry(doubt: Doubt) -> Entry:
-    place = None if doubt.place is None else _rounded(doubt.place, COORDINATE)
-    where = {"structures": list(doubt.structures), "place_m": place, "frame": doubt.frame}
-    said = {"headline": doubt.headline, "figure": doubt.figure, "action": doubt.action, "details": list(doubt.details)}
-    return {"kind": doubt.kind, **said, **where}
+def _warning_entry(warning: MapWarning) -> Entry:
+    """With its headline and its action, for those who read the file without savmap."""
+    place = None if warning.place is None else _rounded(warning.place, COORDINATE)
+    said = {"headline": warning.headline, "figure": warning.figure, "action": warning.action}
+    where = {"subjects": list(warning.subjects), "place_m": place, "frame": warning.frame}
+    return {"code": warning.code, **said, "details": list(warning.details), **where}
 
 
-def _doubt(entry: schema.DoubtEntry) -> Doubt:
-    """A doubt; of an older map, which has one line of any length, that line's first words."""
-    where = tuple(entry.structures), entry.place_m, entry.frame
-    if not entry.what:
-        return Doubt(entry.kind, entry.headline, *where, False, entry.figure, entry.action, tuple(entry.details))
-    words = entry.what.split()
-    if len(words) <= MOST_WORDS:
-        return Doubt(entry.kind, entry.what, *where)
-    return Doubt(entry.kind, f"{' '.join(words[: MOST_WORDS - 1])} \u2026", *where, details=(entry.what,))
+def _verdict(entry: schema.VerdictEntry) -> Verdict:
+    warnings = (
+        MapWarning(item.code, tuple(item.subjects), item.figure, item.place_m, item.frame, tuple(item.details))
+        for item in entry.warnings
+    )
+    return Verdict(tuple(warnings), tuple(entry.notes))
 
 
 def _quaternion(rotation: Floats) -> list[float]:
@@ -305,7 +302,7 @@ def _site_map(content: object, path: str) -> SiteMap:
 
 def _row_map(name: str, row: schema.RowEntry) -> RowMap:
     stamps_s, passes = [frame.stamp_s for frame in row.trajectory], tuple(frame.pass_name for frame in row.trajectory)
-    verdict = None if row.verdict is None else Verdict(tuple(map(_doubt, row.verdict.doubts)), tuple(row.verdict.notes))
+    verdict = None if row.verdict is None else _verdict(row.verdict)
     return RowMap(
         name=name,
         frames=FrameTable(np.array(stamps_s), passes),

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from savmap.errors import OutputError
 from savmap.files.kinds import kind_of
-from savmap.types.verdicts import DoubtKind
+from savmap.types.verdicts import WarningCode
 
 FORMAT = "savmap-map"
 VERSION = 1
@@ -134,17 +134,16 @@ class ReferenceEntry(_Part):
     state: Literal["used", "softened", "contradicted", "left out"] = "used"
 
 
-class DoubtEntry(_Part):
-    """What speaks against a part of a row's map: a headline of at most eight words, one figure, what to do, and further
-    lines; which structures, place (m) and frame it is about. `what`, of older maps: all in one line."""
+class WarningEntry(_Part):
+    """What speaks against a part of a row's map: a code, and its headline; one figure, what to do, and further lines;
+    the ids of what it is about (none: the whole row), place (m) and frame."""
 
-    kind: DoubtKind
-    headline: str = ""
+    code: WarningCode
+    headline: str
     figure: str = ""
     action: str = ""
     details: list[str] = []
-    what: str = ""
-    structures: list[str] = []
+    subjects: list[str] = []
     place_m: Vector | None = None
     frame: int | None = None
 
@@ -153,7 +152,7 @@ class VerdictEntry(_Part):
     """Whether a row's map may be used as it is, and what that rests on that nothing checks."""
 
     grade: Literal["trusted", "check"]
-    doubts: list[DoubtEntry]
+    warnings: list[WarningEntry]
     notes: list[str] = []
 
 

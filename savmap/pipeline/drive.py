@@ -34,11 +34,11 @@ from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool, close_unused
 from savmap.site.model import MIN_FRAMES, Footage, Pass, pass_names
 from savmap.types import (
-    Doubt,
     Feature,
     FilmedPanorama,
     Floats,
     FrameTable,
+    MapWarning,
     Panorama,
     RowFacts,
     RowStrips,
@@ -299,7 +299,7 @@ class RowWalk:
             *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
         ]
         self.cuts: list[Cut] = []
-        self.doubts: list[Doubt] = []
+        self.warnings: list[MapWarning] = []
         self.skipped = 0
         self._region: Region | None = None
 
@@ -387,7 +387,12 @@ class RowWalk:
         plan, count = self.plan, len(self.pass_of) - self.first
         if count < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, count, plan.name))
-        self.doubts += [*plan.doubts, *require_course(plan.name, plan.clip.path, steps, plan.attitude(), plan.side)]
+        course = require_course(plan.name, plan.clip.path, steps, plan.attitude(), plan.side)
+        amid = (
+            warning if warning.frame is None else replace(warning, frame=self.first + warning.frame)
+            for warning in course
+        )
+        self.warnings += [*plan.warnings, *amid]
         self.notes += [note for views in plan.plans.values() for note in views.notes]
         self.skipped += report.skipped
         if not report.complete:
@@ -409,7 +414,7 @@ class RowWalk:
                 marks=self.markers.marks,
                 flows=self.flow.flows,
                 failed=failures,
-                doubts=tuple(self.doubts),
+                warnings=tuple(self.warnings),
                 skipped=self.skipped,
             ),
             strips=RowStrips(self.face.views, self._cuts_of(Strip), self._cuts_of(Still)),

@@ -49,7 +49,7 @@ def with_best_networks(
     Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are
     no panoramas.
     """
-    doubts = require_panoramas(row_pass.clip.path, preview.keys)
+    warnings = require_panoramas(row_pass.clip.path, preview.keys)
     chosen: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
     for plugin in face_first(plugins):
         chosen[plugin.name] = with_best_network(
@@ -57,7 +57,7 @@ def with_best_networks(
         )
         attitude = chosen[plugin.name][1].world_from_rig if attitude is None else attitude
     plans = {plugin.name: chosen[plugin.name][1] for plugin in plugins}
-    return [chosen[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, doubts)
+    return [chosen[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, warnings)
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:

@@ -8,15 +8,16 @@ from savmap.errors import SavmapError
 from savmap.files.journal import Journal
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
 from savmap.pipeline.cutting import Cut
-from savmap.pipeline.trust.footage import with_doubts
+from savmap.pipeline.trust.footage import with_warnings
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Footage, Pass, pass_names
 from savmap.types import (
-    Doubt,
     Feature,
     FlatDepth,
     Floats,
     Flow,
+    FoundObject,
+    MapWarning,
     PlanePatch,
     RowFacts,
     RowStrips,
@@ -58,9 +59,10 @@ class DriveFrame:
 class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
     known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
-    `failed`: by plugin, how it failed, where the row is mapped without it. `doubts`: what of the footage speaks against
-    what was measured. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how
-    many frames the decoder left out, as the notes say."""
+    `failed`: by plugin, how it failed, where the row is mapped without it. `warnings`: what of the footage speaks
+    against what was measured. `uncertain`: what plugins found and did not map, for it may exist or not. `depths`: how
+    deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the decoder left out, as
+    the notes say."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -70,7 +72,8 @@ class RowMeasurements:
     marks: MarkerTracks
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
+    uncertain: tuple[FoundObject, ...] = ()
     depths: tuple[FlatDepth, ...] = ()
     floor: FloorTracks = field(default_factory=FloorTracks)
     skipped: int = 0
@@ -200,5 +203,5 @@ def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After])
         try:
             results.append(item if isinstance(item, SavmapError) else step(item))
         except SavmapError as error:
-            results.append(with_doubts(error, item.measurements.doubts) if isinstance(item, MeasuredRow) else error)
+            results.append(with_warnings(error, item.measurements.warnings) if isinstance(item, MeasuredRow) else error)
     return results

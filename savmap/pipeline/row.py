@@ -158,7 +158,7 @@ def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> Pl
 def collect(row: DescribedRow) -> RowMap:
     """The row's map, judged: the record that is written to disk."""
     facts, solution = row.measurements.facts, row.solution
-    notes = (*row.measurements.notes, *row.notes, *solution.warnings)
+    notes = (*row.measurements.notes, *row.notes, *solution.notes)
     structures, verdict = judge(row)
     return RowMap(
         name=row.request.name,
@@ -274,6 +274,6 @@ def floor_constraints(row: LocatedRow) -> tuple[Constraints, ...]:
 def _solved(row: PosedRow, solution: graph.Solution | SolveError, monitor: Monitor) -> SolvedRow:
     if isinstance(solution, SolveError):
         raise solution
-    for warning in solution.warnings:
+    for warning in solution.notes:
         monitor.note(f"row {row.request.name}: {warning}")
     return SolvedRow(**vars(row), solution=solution)

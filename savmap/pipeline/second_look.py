@@ -12,7 +12,7 @@ from dataclasses import replace
 from savmap.pipeline.path import PluginAlone
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Doubt, Feature, FlatDepth, Panorama, View
+from savmap.types import Feature, FlatDepth, MapWarning, Panorama, View
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import (
     FloorTracks,
@@ -34,7 +34,7 @@ LOOKS = 2
 
 def look_again(measured: WalkedRow, monitor: Monitor) -> MeasuredRow:
     """What was measured, with the features of each plugin anew whose evidence shows other objects than were tracked. What is still not
-    tracked after the last look is doubted."""
+    tracked after the last look is warned of."""
     row, measurements = measured.request, measured.measurements
     for plugin in measured.plugins:
         if (
@@ -58,9 +58,9 @@ def best_measurements(
     """The measurements, of the first ones and those of up to `LOOKS` looks, after which the fewest of a plugin's expected objects are amiss.
 
     A look may lose what an earlier one had; one that loses an end of what was tracked is not used, and is the last. Each object that is still amiss is
-    doubted.
+    warned of.
     """
-    row, plugin, doubts = alone.row.name, alone.plugin, list[Doubt]()
+    row, plugin, warnings = alone.row.name, alone.plugin, list[MapWarning]()
     states = [(measurements, expect(alone, measured, measurements))]
     while len(states) <= LOOKS and (expectation := states[-1][1]) is not None:
         monitor.note(f"row {row}: `{plugin.name}` looks again for {len(expectation.there)} objects")
@@ -68,17 +68,16 @@ def best_measurements(
         anew = replace(measurements, features={**measurements.features, plugin.name: features})
         located = alone.located(anew)
         if located is None:
-            details = ("what single frames show is mapped",)
-            action = f"look at what is mapped of: {plugin.name}"
-            doubts = [Doubt("support", "what all frames show could not be tracked", action=action, details=details)]
+            details = ("what all frames show could not be tracked; what single frames show is mapped",)
+            warnings = [MapWarning("incomplete-map", (plugin.name,), details=details)]
             break
         if expectation.reaches_beyond(located.points[plugin.name]):
             break
         states.append((anew, expect(alone, measured, anew)))
     best, left = min(reversed(states), key=lambda state: state[1].amiss if state[1] is not None else 0)
-    if left is not None and not doubts:
-        doubts = [*unexplained(left, measured.packed_views[plugin.name], measurements.facts.views), *left.unseen()]
-    return replace(best, doubts=(*best.doubts, *doubts)) if doubts else best
+    if left is not None and not warnings:
+        warnings = [*unexplained(left, measured.packed_views[plugin.name], measurements.facts.views), *left.unseen()]
+    return replace(best, warnings=(*best.warnings, *warnings)) if warnings else best
 
 
 def expect(alone: PluginAlone, measured: WalkedRow, measurements: RowMeasurements) -> Expectation | None:

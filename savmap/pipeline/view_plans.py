@@ -9,7 +9,7 @@ from savmap.pipeline.trust.footage import require_panoramas
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
-from savmap.types import Doubt, Floats, ViewPlan, ViewSpec
+from savmap.types import Floats, MapWarning, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, expected_frames, preview_frames, probe
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
@@ -18,13 +18,13 @@ from savmap.vision.views import Renderer
 @dataclass(frozen=True, eq=False)
 class PassPlan:
     """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on,
-    where it is given; `doubts`: what speaks against its pictures."""
+    where it is given; `warnings`: what speaks against its pictures."""
 
     name: str
     clip: Clip
     plans: Mapping[str, ViewPlan]
     side: str | None = None
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
 
     def travel(self) -> int:
         """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
@@ -76,13 +76,13 @@ def plan_pass(
     panoramas.
     """
     pass_preview = preview_of(row_pass.clip, renderer)
-    doubts = require_panoramas(row_pass.clip.path, pass_preview.keys)
+    warnings = require_panoramas(row_pass.clip.path, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
     plans = {plugin.name: plans[plugin.name] for plugin in plugins}
-    return PassPlan(name, row_pass.clip, plans, row_pass.side, doubts), pass_preview
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings), pass_preview
 
 
 def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:

@@ -63,15 +63,16 @@ if TYPE_CHECKING:
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
-    from savmap.types import Doubt as Doubt
     from savmap.types import Drawing as Drawing
     from savmap.types import Expected as Expected
     from savmap.types import Feature as Feature
     from savmap.types import FlatParts as FlatParts
     from savmap.types import Floats as Floats
+    from savmap.types import FoundObject as FoundObject
     from savmap.types import FrameTable as FrameTable
     from savmap.types import Ints as Ints
     from savmap.types import JointCovariance as JointCovariance
+    from savmap.types import MapWarning as MapWarning
     from savmap.types import Measured as Measured
     from savmap.types import Panorama as Panorama
     from savmap.types import PlaneEvidence as PlaneEvidence
@@ -121,7 +122,8 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis Bools CrossRowLandmark Detection Distances Doubt Drawing Expected Feature FlatParts Floats "
+        "Attribute Axis Bools CrossRowLandmark Detection Distances Drawing Expected Feature FlatParts Floats "
+        "FoundObject MapWarning "
         "FrameTable Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid "
         "Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
     ),

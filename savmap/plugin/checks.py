@@ -13,11 +13,11 @@ import numpy as np
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Doubt,
     Expected,
     Feature,
     FlatParts,
     Floats,
+    MapWarning,
     Measured,
     PlanePatch,
     RowFacts,
@@ -172,13 +172,13 @@ def check_related(related: Sequence[Structure], structures: Sequence[Structure])
     check_structures(related)
 
 
-def check_doubts(doubts: Sequence[Doubt], structures: Sequence[Structure]) -> None:
-    """Every doubt is about structures that there are."""
+def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structure]) -> None:
+    """Every warning is about structures that there are."""
     ids = {structure.id for structure in structures}
-    for doubt in doubts:
+    for warning in warnings:
         require(
-            ids.issuperset(doubt.structures),
-            f"a doubt about {sorted(set(doubt.structures) - ids)}, which is not among the structures",
+            ids.issuperset(warning.subjects),
+            f"a warning about {sorted(set(warning.subjects) - ids)}, which is not among the structures",
         )
 
 

@@ -13,12 +13,12 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Doubt,
     Expected,
     Feature,
     FlatParts,
     Floats,
     JointCovariance,
+    MapWarning,
     Panorama,
     PlaneEvidence,
     PlanePatch,
@@ -127,10 +127,10 @@ def relate(structures: Sequence[Structure], others: Mapping[str, Sequence[Struct
 
 
 @hookspec(firstresult=True)
-def doubt(structures: Sequence[Structure]) -> list[Doubt]:
-    """Trust: what of a row's structures is implausible, such as one of them out of proportion to its likes, where
-    something may be missing. A row with a doubt that is not `minor` is not `trusted` but to be checked by a person.
-    Default: none."""
+def warnings(structures: Sequence[Structure]) -> list[MapWarning]:
+    """Trust: what the plugin itself knows to be wrong with a row's structures, beside what the engine tests. That a
+    structure may not exist is its attribute `probability` (0..1), and no warning. A row with a warning is not `trusted`
+    but to be checked by a person. Default: none."""
 
 
 @hookspec(firstresult=True)

@@ -21,11 +21,11 @@ from savmap.plugin.protocol import class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Doubt,
     Drawing,
     Expected,
     Feature,
     FlatParts,
+    MapWarning,
     PlanePatch,
     RowFacts,
     Score,
@@ -153,7 +153,7 @@ class LoadedPlugin(HookCaller):
     expect = Hook(hookspecs.expect, list[Expected], checks.check_expected, _nothing)
     flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
     relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
-    doubt = Hook(hookspecs.doubt, list[Doubt], checks.check_doubts, _nothing)
+    warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)
     openings = Hook(hookspecs.openings, list[Structure], checks.check_structures, _nothing)
     places = Hook(hookspecs.places, list[Structure], checks.check_structures, _nothing)
     cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks, _nothing)

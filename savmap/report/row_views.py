@@ -16,7 +16,7 @@ _MARGIN_MM, _PARTS = 900.0, (0.03, 0.02)
 _ROLES: Mapping[Role, str] = {
     "survey": "survey",
     "mapped": "map",
-    "doubted": "map, doubted",
+    "warned": "map, warned",
     "off": "map, off by more than 5 cm or spurious",
 }
 SAME_M = 0.001
@@ -165,7 +165,7 @@ def layers(
     drawings: Sequence[Drawing], hints: Mapping[str, str], projection: Callable[[Floats], Floats]
 ) -> tuple[Layer, ...]:
     """Drawings by style, the survey underneath and what is off on top."""
-    order = {"survey": 0, "mapped": 1, "doubted": 2, "off": 3}
+    order = {"survey": 0, "mapped": 1, "warned": 2, "off": 3}
     styles: dict[tuple[str, str, str], list[Drawing]] = {}
     for drawing in sorted(drawings, key=lambda drawing: order[drawing.role]):
         styles.setdefault((drawing.role, drawing.tone, drawing.kind), []).append(drawing)

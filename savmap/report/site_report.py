@@ -249,11 +249,11 @@ def drawings_of(
     surveyed: Mapping[str, Any] | None,
     deviations: Mapping[str, Mapping[str, float]],
 ) -> list[Drawing]:
-    """What the plugins draw of a row, over its survey where there is one, what the verdict doubts as doubted;
+    """What the plugins draw of a row, over its survey where there is one, what the verdict warns of as warned;
     `deviations`: by plugin and structure id, m."""
-    doubted = {name for doubt in row.verdict.doubts for name in doubt.structures} if row.verdict else set[str]()
+    warned = {name for warning in row.verdict.warnings for name in warning.subjects} if row.verdict else set[str]()
     return [
-        replace(drawing, role="doubted") if drawing.role == "mapped" and drawing.name in doubted else drawing
+        replace(drawing, role="warned") if drawing.role == "mapped" and drawing.name in warned else drawing
         for name, structures in row.structures.items()
         for drawing in plugins[name].draw(structures, surveyed, deviations.get(name, {}))
     ]

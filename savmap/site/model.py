@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from savmap.files.atomic import file_name
 from savmap.files.texts import fault_of_path
@@ -67,13 +67,15 @@ def _without_video(schema: dict[str, Any]) -> None:
         del schema["required"]
 
 
-def _quoted(value: object) -> object:
-    if isinstance(value, Mapping):
-        raise ValueError("put it in quotation marks: YAML takes the colon in it for the end of a key")
-    return value
+class Confirmed(Strict):
+    """What a person looked at and found right although a warning names it."""
 
-
-DoubtText = Annotated[str, Field(min_length=1, max_length=1000), BeforeValidator(_quoted)]
+    code: Literal["uncertain-element", "incomplete-map"]
+    """The warning's code: of those that a look at the pictures can settle."""
+    subjects: Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(min_length=1)]
+    """What it is about, as the warning names it."""
+    reason: str = ""
+    """Why it is right, for those who read the site file."""
 
 
 class Pass(Strict):
@@ -155,9 +157,8 @@ class Row(Strict):
     """Whether points of any kind help with the camera's motion."""
     place: PlaceSection | None = None
     """Where the row stands in the site's frame; wins over the site's `layout`."""
-    confirmed: Annotated[tuple[DoubtText, ...], Field(max_length=MOST_CONFIRMED)] = ()
-    """Doubts of this row, of the kinds `shape` and `support` and in savmap's own words, that a person looked at and
-    found wrong: they become notes."""
+    confirmed: Annotated[tuple[Confirmed, ...], Field(max_length=MOST_CONFIRMED)] = ()
+    """Warnings of this row that a person looked at and found wrong, by code and subject: they become notes."""
 
     @field_validator("plugins", mode="before")
     @classmethod

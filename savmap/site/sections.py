@@ -214,7 +214,7 @@ class ReferenceSection(Strict):
     on_contradiction: Literal["check", "refuse", "leave_out"] = "check"
     """What becomes of a row where the pictures and the other references contradict one: `check`, it is mapped without
     the one that is wrong and its verdict is `check`; `refuse`, it is not mapped; `leave_out`, as `check`, but without a
-    doubt where it is clear which one is wrong. Where that is not clear and much is at stake, the row is refused."""
+    warning where it is clear which one is wrong. Where that is not clear and much is at stake, the row is refused."""
 
     @field_validator("markers")
     @classmethod

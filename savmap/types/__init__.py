@@ -21,6 +21,7 @@ from savmap.types.drawings import Tone as Tone
 from savmap.types.evidence import Expected as Expected
 from savmap.types.evidence import FlatDepth as FlatDepth
 from savmap.types.evidence import FlatParts as FlatParts
+from savmap.types.evidence import FoundObject as FoundObject
 from savmap.types.evidence import PlaneEvidence as PlaneEvidence
 from savmap.types.evidence import PlanePatch as PlanePatch
 from savmap.types.maps import Alignment as Alignment
@@ -60,5 +61,5 @@ from savmap.types.scores import Score as Score
 from savmap.types.scores import Survey as Survey
 from savmap.types.scores import SurveyEntry as SurveyEntry
 from savmap.types.scores import pool as pool
-from savmap.types.verdicts import Doubt as Doubt
+from savmap.types.verdicts import MapWarning as MapWarning
 from savmap.types.verdicts import Verdict as Verdict

@@ -6,7 +6,7 @@ from typing import Literal
 from savmap.types.common import Floats, array_record
 
 Kind = Literal["polygon", "line", "point"]
-Role = Literal["survey", "mapped", "doubted", "off"]
+Role = Literal["survey", "mapped", "warned", "off"]
 Tone = Literal["structure", "fixture"]
 Picture = Literal["face", "plan"]
 
@@ -16,11 +16,11 @@ Picture = Literal["face", "plan"]
 class Drawing:
     """A shape of points (n, 3) m in the row's frame, closed where `kind` is "polygon".
 
-    role: surveyed (painted underneath), mapped, mapped and named by a doubt, or mapped and further off the survey than
-    is shown as right. tone: part of the structure that bounds the picture, or a fixture around it. legend: what such
-    shapes are called in the legend. caption: a short text beside it. name: the id of the structure that it shows, by
-    which the report finds its standard deviations. Raises ValueError where the points have another shape.
-    """
+    role: surveyed (painted underneath), mapped, mapped and named by a warning, or mapped and further off the survey
+    than is shown as right. tone: part of the structure that bounds the picture, or a fixture around it. legend:
+    what such shapes are called in the legend. caption: a short text beside it. name: the id of the structure that
+    it shows, by which the report finds its standard deviations. Raises ValueError where the points have another
+    shape."""
 
     kind: Kind
     points: Floats

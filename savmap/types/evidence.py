@@ -104,6 +104,22 @@ class Expected:
 
 @dataclass(frozen=True, eq=False)
 @array_record
+class FoundObject:
+    """What a plugin's model found by the evidence of all frames: `outline` (n, 3) in the row's frame, in the unit of
+    the path, and the `probability` that it exists."""
+
+    id: str
+    label: str
+    outline: Floats
+    probability: float
+
+    def __post_init__(self) -> None:
+        require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")
+        require(0.0 <= self.probability <= 1.0, self, "probability must be 0..1")
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
 class FlatParts:
     """Flat parts of a structure that lie in one plane across an axis of the row's frame. What shows on them may tell
     how deep it lies.

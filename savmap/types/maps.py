@@ -11,7 +11,7 @@ from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, 
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
-from savmap.types.verdicts import Doubt, Verdict
+from savmap.types.verdicts import MapWarning, Verdict
 
 if TYPE_CHECKING:
     import pandas
@@ -371,16 +371,16 @@ class SiteMap:
     def to_dataframe(self) -> "pandas.DataFrame":
         """A pandas table with a line for each vertex: row, plugin, structure (its id), label, vertex (its label),
         position x_m, y_m, z_m and standard deviations sigma_x_m, sigma_y_m, sigma_z_m in the row's frame, assumed (the
-        axes along which nothing measured it, such as "y"), doubts (what the row's verdict says against the structure,
+        axes along which nothing measured it, such as "y"), warnings (what the row's verdict says against the structure,
         or the whole row; empty where it says nothing), and the structure's attributes."""
         import pandas  # slow to import
 
         return pandas.DataFrame(list(self._vertices()))
 
-    def doubts(self) -> Mapping[tuple[str, str], Sequence[str]]:
-        """What the rows' verdicts say against structures, by row and id, in lines: see `doubts_of`."""
+    def warnings(self) -> Mapping[tuple[str, str], Sequence[str]]:
+        """What the rows' verdicts say against structures, by row and id, in lines: see `warnings_of`."""
         return {
-            (row.name, structure.id): [doubt.line for doubt in doubts_of(row, structure.id)]
+            (row.name, structure.id): [warning.line for warning in warnings_of(row, structure.id)]
             for row in self.rows.values()
             for structures in row.structures.values()
             for structure in structures
@@ -390,10 +390,10 @@ class SiteMap:
     def banner(self) -> str:
         """Which rows could not be mapped, and which must be checked before their map is used, in one line; "" where
         there are none."""
-        doubtful = [name for name, row in self.rows.items() if row.verdict and row.verdict.doubts]
+        warned = [name for name, row in self.rows.items() if row.verdict and row.verdict.warnings]
         count = len(self.rows.keys() | self.failed.keys())
         rows = "1 row" if count == 1 else f"{count} rows"
-        parts = (([*self.failed], "could not be mapped"), (doubtful, "must be checked"))
+        parts = (([*self.failed], "could not be mapped"), (warned, "must be checked"))
         return "; ".join(f"{len(names)} of {rows} {what}: {', '.join(names)}" for names, what in parts if names)
 
     def _repr_html_(self) -> str:
@@ -414,19 +414,19 @@ def assumed_axes(structure: Structure, plugin: str, joint: JointCovariance | Non
     return ["".join(np.array(["x", "y", "z"])[vertex]) for vertex in assumed]
 
 
-def doubts_of(row: RowMap, structure: str) -> tuple[Doubt, ...]:
+def warnings_of(row: RowMap, structure: str) -> tuple[MapWarning, ...]:
     """What a row's verdict says against one of its structures: what is about it, and what is about the whole row."""
-    doubts = row.verdict.doubts if row.verdict else ()
-    return tuple(doubt for doubt in doubts if doubt.of_row or structure in doubt.structures)
+    warnings = row.verdict.warnings if row.verdict else ()
+    return tuple(warning for warning in warnings if warning.of_row or structure in warning.subjects)
 
 
 def _vertex_lines(row: RowMap, plugin: str, structure: Structure) -> Iterator[dict[str, object]]:
     element = {"row": row.name, "plugin": plugin, "structure": structure.id, "label": structure.label}
-    doubts = "; ".join(doubt.line for doubt in doubts_of(row, structure.id))
+    warnings = "; ".join(warning.line for warning in warnings_of(row, structure.id))
     axes = assumed_axes(structure, plugin, row.joint)
     vertices = zip(structure.vertex_labels, structure.vertices, structure.covariances, axes, strict=True)
     for label, position, covariance, assumed in vertices:
         place = dict(zip(("x_m", "y_m", "z_m"), position.tolist(), strict=True))
         sigmas = dict(zip(("sigma_x_m", "sigma_y_m", "sigma_z_m"), np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        vertex = {"vertex": label, **place, **sigmas, "assumed": assumed, "doubts": doubts}
+        vertex = {"vertex": label, **place, **sigmas, "assumed": assumed, "warnings": warnings}
         yield {**element, **vertex, **structure.attributes}

@@ -1,110 +1,216 @@
 """Records of trust: what speaks against a row's map, and the verdict that follows from it."""
 
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from savmap.types.common import require
 
-DoubtKind = Literal["reference", "repeatability", "support", "shape", "camera", "motion", "residuals", "site"]
-"""What a doubt comes from: a given value that the pictures contradict; odd and even frames that disagree; a structure
-that few of the frames show that should; an implausible shape or place among its likes; what the footage is; how the
-camera went; measurements that do not fit; rows that do not fit one another, or the places they were given."""
+WarningCode = Literal[
+    "uncertain-element",
+    "inconsistent-element",
+    "inaccurate-element",
+    "incomplete-map",
+    "reference-conflict",
+    "doubtful-scale",
+    "bad-panorama",
+    "stretched-pictures",
+    "lens-seam",
+    "missing-frames",
+    "camera-motion",
+    "site-misfit",
+]
+"""What a warning comes from: one code a cause."""
 
-MOST_WORDS = 8
-"""Of a headline."""
 NAMED = 2
-"""Of those that a doubt about several is about."""
-COUNTED = {"reference": "references", "motion": "times", "camera": "passes", "site": "rows", "residuals": "classes"}
-SIZE = re.compile(r"(\d+\.?\d*) (?:m|cm|mm|degrees) (?:off|apart)\b")
-"""A figure of which the largest is the worst."""
+"""Of the subjects of a warning, in its action."""
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """Something that speaks against a part of a map: a `headline` of at most eight words that says what, without names,
-    so that doubts of one cause have the same; one `figure` with its unit, "" where there is none; and an `action`, an
-    imperative sentence that ends with a colon and the names that it is about, where it is about any. `details`: further
-    lines, for those who ask.
+class WarningKind:
+    """What is told with a code: a headline, what to do (the subjects' names follow), and one line of explanation.
 
-    `structures`: ids of those that it is about, none where it is about the whole row. `place` (3,) m in the row's
-    frame, and `frame`, the number of one that shows it best, where that is known. `minor`: it is told as a note, and is
-    no reason to check the map."""
+    `of_elements`: its subjects are elements, and nothing is said of the others. `confirmable`: a person who looks at
+    the pictures can settle it. `of`: the noun that several of its subjects are counted by."""
 
-    kind: DoubtKind
     headline: str
-    structures: tuple[str, ...] = ()
+    action: str
+    explanation: str
+    of: str = "elements"
+    of_elements: bool = False
+    confirmable: bool = False
+
+
+WARNINGS: Mapping[WarningCode, WarningKind] = {
+    "uncertain-element": WarningKind(
+        "it is uncertain whether an element exists",
+        "look whether it is there",
+        "the probability that a mapped element exists, or one that was found and not mapped, is between 1 % and 99 %; "
+        "without a probability: less than a fifth of the frames that should show an element measured it",
+        of_elements=True,
+        confirmable=True,
+    ),
+    "inconsistent-element": WarningKind(
+        "measurements of an element do not agree",
+        "look whether it is one element",
+        "odd and even frames, solved apart, put it in different places; or more than two fifths of its measurements "
+        "were rejected and are over 1 cm off; or half of them are over 2 cm off, and four times what is usual",
+        of_elements=True,
+    ),
+    "inaccurate-element": WarningKind(
+        "an element's place is not known well",
+        "look where it is",
+        "a coordinate has a standard deviation of more than 2 cm, and three times what is usual: hardly a frame shows "
+        "an edge or an end",
+        of_elements=True,
+    ),
+    "incomplete-map": WarningKind(
+        "a part may be missing from the map",
+        "look whether it is missing",
+        "nothing of a plugin is mapped though half of the frames show something; or only a part of the row was found",
+        of="parts",
+        confirmable=True,
+    ),
+    "reference-conflict": WarningKind(
+        "a reference contradicts the rest",
+        "measure it again, in metres",
+        "the pictures and the other references contradict a given value; or rows of one drive contradict one another",
+        of="references",
+    ),
+    "doubtful-scale": WarningKind(
+        "the map's scale is doubtful",
+        "give a measured length, in metres",
+        "nobody measured what gives the scale or the place; or no such structure has the sizes that the map has",
+        of="reasons",
+    ),
+    "bad-panorama": WarningKind(
+        "the pictures may be no whole panoramas",
+        "write whole equirectangular panoramas of one aisle, neither cropped nor stretched",
+        "halves of the pictures are alike, their edges do not meet, a whole class of measurements does not fit "
+        "together, or measurements are off in the same directions of the camera in all frames",
+        of="reasons",
+    ),
+    "stretched-pictures": WarningKind(
+        "the pictures were cropped or stretched",
+        "export whole panoramas, or set `calibration: {vertical_scale: true}`",
+        "a solve with one factor of all elevations says that this is not 1",
+        of="reasons",
+    ),
+    "lens-seam": WarningKind(
+        "the pictures are bent at a seam",
+        "turn a lens towards the row, or set `calibration: {lens_distance: true}`",
+        "a solve with the lenses' distance says that this is not 0, and the seam crosses the face",
+        of="reasons",
+    ),
+    "missing-frames": WarningKind(
+        "frames are missing, or the picture changes at once",
+        "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)",
+        "a cut, a gap, or a camera that is carried or covered: what lies between may be missing, or counted wrongly",
+        of="times",
+    ),
+    "camera-motion": WarningKind(
+        "the camera did not go straight along the row",
+        "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)",
+        "it goes back, turns, leaves the row's direction or stands; or a frame was solved far from its neighbours",
+        of="times",
+    ),
+    "site-misfit": WarningKind(
+        "the row does not fit the others of the site",
+        "check the references, places and `side` of these rows",
+        "two rows look at the same face; a row stands elsewhere than it was given; rows put a landmark or the drive "
+        "that both saw in different places",
+        of="reasons",
+    ),
+}
+"""The codes, as docs/verdict.md lists them."""
+
+
+@dataclass(frozen=True)
+class MapWarning:
+    """Something that speaks against a part of a map: its `code`, from which headline and action follow; `subjects`, the
+    ids of what it is about (structures, references, rows, plugins), none where it is about the whole row; one `figure`
+    with its unit, "" where there is none; `details`: further lines, for those who ask.
+
+    `place` (3,) m in the row's frame, and `frame`, the number of one that shows it best, where that is known. `size`:
+    of several with one code, the largest speaks for all."""
+
+    code: WarningCode
+    subjects: tuple[str, ...] = ()
+    figure: str = ""
     place: tuple[float, float, float] | None = None
     frame: int | None = None
-    minor: bool = False
-    figure: str = ""
-    action: str = ""
     details: tuple[str, ...] = ()
+    size: float = 0.0
 
     def __post_init__(self) -> None:
-        words = len(self.headline.split())
-        require(0 < words <= MOST_WORDS, self, f"`headline` must have 1 to {MOST_WORDS} words: {self.headline!r}")
-        texts = (self.headline, self.figure, self.action, *self.details)
+        require(self.code in WARNINGS, self, f"`code` must be one of {', '.join(WARNINGS)}: {self.code!r}")
+        texts = (self.figure, *self.details)
         require(not any("\n" in text for text in texts), self, "each of its texts must be one line")
+
+    @property
+    def headline(self) -> str:
+        """What it says, without names."""
+        return WARNINGS[self.code].headline
+
+    @property
+    def action(self) -> str:
+        """What to do, with the first of its subjects."""
+        names, more = self.subjects[:NAMED], len(self.subjects) - NAMED
+        named = f"{', '.join(names)}{f' and {more} more' if more > 0 else ''}"
+        return f"{WARNINGS[self.code].action}{f': {named}' if named else ''}"
 
     @property
     def line(self) -> str:
         """All but the details."""
-        what = f"{self.headline}: {self.figure}" if self.figure else self.headline
-        return f"{what}; {self.action}" if self.action else what
+        return f"{self.code}: {self.headline}{f', {self.figure}' if self.figure else ''}; {self.action}"
 
     @property
     def of_row(self) -> bool:
-        """Whether it is about the whole row: about no structures, nor whether something is missing at a place."""
-        return not self.structures and (self.place is None or self.kind not in ("shape", "support"))
+        """Whether it is about all elements of the row."""
+        return not WARNINGS[self.code].of_elements
 
 
-def by_cause(doubts: Sequence[Doubt]) -> tuple[Doubt, ...]:
-    """The doubts, those of one cause as one: they are of one kind and have the same headline. Its figure is how many
-    they are, and the worst one's; its details are their lines."""
-    causes: dict[tuple[str, str], list[Doubt]] = {}
-    for doubt in doubts:
-        causes.setdefault((doubt.kind, doubt.headline), []).append(doubt)
-    return tuple(alike[0] if len(alike) == 1 else _as_one(alike) for alike in causes.values())
+def by_code(warnings: Iterable[MapWarning]) -> tuple[MapWarning, ...]:
+    """The warnings, those of one code as one, in the order of the codes. Its figure is how many they are, and that of
+    the one with the largest `size`; its details are those of all."""
+    of_code: dict[WarningCode, list[MapWarning]] = {}
+    for warning in dict.fromkeys(warnings):
+        of_code.setdefault(warning.code, []).append(warning)
+    return tuple(_as_one(of_code[code]) for code in WARNINGS if code in of_code)
 
 
-def _as_one(alike: Sequence[Doubt]) -> Doubt:
-    sizes = [float(size[1]) if (size := SIZE.match(doubt.figure)) else None for doubt in alike]
-    measured = [size for size in sizes if size is not None]
-    worst = alike[sizes.index(max(measured))] if len(measured) == len(alike) else alike[0]
-    structures = tuple(dict.fromkeys(name for doubt in alike for name in doubt.structures))
-    each = all(len(doubt.structures) == 1 for doubt in alike)
-    noun = "elements" if each else "places" if structures else COUNTED.get(alike[0].kind, "places")
-    count = f"{len(structures) if each else len(alike)} {noun}"
+def _as_one(alike: Sequence[MapWarning]) -> MapWarning:
+    if len(alike) == 1:
+        return alike[0]
+    worst = max(alike, key=lambda warning: warning.size)
+    ordered = [worst, *(warning for warning in alike if warning is not worst)]
+    subjects = tuple(dict.fromkeys(name for warning in ordered for name in warning.subjects))
+    kind = WARNINGS[worst.code]
+    count = f"{len(subjects) if kind.of_elements else len(alike)} {kind.of}"
+    lines = (line for warning in alike for line in (_told(warning), *warning.details) if line)
     return replace(
         worst,
-        structures=structures,
-        figure=f"{count}, up to {worst.figure}" if len(measured) == len(alike) else count,
-        action=_common_action(dict.fromkeys(doubt.action for doubt in alike)),
-        details=tuple(dict.fromkeys(line for doubt in alike for line in (doubt.line, *doubt.details))),
+        subjects=subjects,
+        figure=f"{count}, the worst {worst.figure}" if worst.figure else count,
+        details=tuple(dict.fromkeys(lines)),
     )
 
 
-def _common_action(actions: Iterable[str]) -> str:
-    """What to do about all: where actions differ in what they name alone, with the first names."""
-    parts = [action.partition(": ") for action in actions]
-    if len(parts) == 1 or len({head for head, _, _ in parts}) > 1:
-        return "".join(parts[0])
-    names, more = [name for _, _, name in parts[:NAMED]], len(parts) - NAMED
-    return f"{parts[0][0]}: {', '.join(names)}{f' and {more} more' if more else ''}"
+def _told(warning: MapWarning) -> str:
+    """What only this one of several says."""
+    return ": ".join(part for part in (", ".join(warning.subjects), warning.figure) if part)
 
 
 @dataclass(frozen=True)
 class Verdict:
     """Whether a row's map may be used as it is: where nothing speaks against it, it is `trusted`; otherwise a person
-    should `check` what the doubts name. `notes`, one line each: what the verdict rests on that nothing checks; they are
-    no doubts."""
+    should `check` what the warnings name. `notes`, one line each: what the verdict rests on that nothing checks; they
+    are no warnings."""
 
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
     def grade(self) -> Literal["trusted", "check"]:
         """In one word."""
-        return "check" if self.doubts else "trusted"
+        return "check" if self.warnings else "trusted"

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Doubt, Panorama
+from savmap.types import MapWarning, Panorama
 from savmap.video.motion import small_grey
 
 WIDTH, HEIGHT = 256, 128
@@ -28,18 +28,17 @@ of parts of panoramas, 0.99 and 0.11."""
 SMOOTH_PX = 6.0
 UNEVEN, EVEN = 0.5, 0.3
 BLACK, BLACK_SHARE = 8.0, 0.15
-NO_STEREO, PANORAMAS = "check that it is no stereo video", "check that these are whole equirectangular panoramas"
 WHOLE = "write one whole panorama a frame in the camera maker's program"
 
 Grey = NDArray[np.float32]
 
 
-def kind_of(keys: Sequence[Panorama]) -> tuple[str, tuple[Doubt, ...]]:
+def kind_of(keys: Sequence[Panorama]) -> tuple[str, tuple[MapWarning, ...]]:
     """What the pictures of a pass seem to be where they are certainly no panoramas, and what to do ("" where they may
-    be some), and the doubts where it is not certain."""
+    be some), and the warnings where it is not certain."""
     pictures = [np.asarray(small_grey(panorama, WIDTH), np.float32) for panorama in keys]
     refusal = next(_refusals(pictures), "")
-    return (refusal, ()) if refusal else ("", tuple(_doubts(pictures)))
+    return (refusal, ()) if refusal else ("", tuple(_warnings(pictures)))
 
 
 def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
@@ -58,16 +57,16 @@ def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
         yield f"its left and right edges do not meet: it seems to be a part of a panorama, no whole one: {WHOLE}"
 
 
-def _doubts(pictures: Sequence[Grey]) -> Iterator[Doubt]:
+def _warnings(pictures: Sequence[Grey]) -> Iterator[MapWarning]:
     likeness = {"left and right": _usual(pictures, side_by_side), "upper and lower": _usual(pictures, over_under)}
     for halves, alike in likeness.items():
         if alike > NEARLY_ALIKE:
-            details = (f"the {halves} halves of the pictures are much alike",)
-            yield Doubt("camera", "two halves of the pictures are alike", action=NO_STEREO, details=details)
+            line = f"the {halves} halves of the pictures are much alike: check that it is no stereo video"
+            yield MapWarning("bad-panorama", details=(line,))
     if _is_broken(pictures):
-        yield Doubt("camera", "the pictures' side edges do not meet", action=PANORAMAS)
+        yield MapWarning("bad-panorama", details=("the pictures' side edges do not meet",))
     elif _usual(pictures, unevenness) > UNEVEN:
-        yield Doubt("camera", "the pictures' first and last lines are uneven", action=PANORAMAS)
+        yield MapWarning("bad-panorama", details=("the pictures' first and last lines are uneven",))
 
 
 def _usual(pictures: Sequence[Grey], measure: Callable[[Grey], float]) -> float:

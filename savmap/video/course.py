@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from savmap.types import Bools, Doubt, Floats, array_record
+from savmap.types import Bools, Floats, MapWarning, array_record
 from savmap.video.motion import Steps, wrapped
 
 LEAST_RATE = 1.5
@@ -21,7 +21,6 @@ STILL_PACE, STILL_SHARE, PAUSE_STEPS = 0.05, 0.5, 5
 HANDS = {"left": 1, "right": -1}
 CUTS_GAP = 6
 SPLIT = "give each straight drive as a pass of its own (start_s, end_s; `savmap split` finds them)"
-BETWEEN = "what lies between may be missing, or counted wrongly"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +38,13 @@ class Course:
         usual = float(np.median(self.steps.likeness))
         limit = min(BROKEN, BROKEN_SHARE * usual) if usual > LEAST_LIKENESS else 0.0
         return np.asarray(self.steps.likeness < limit)
+
+    @cached_property
+    def heading_deg(self) -> Floats:
+        """How far the rig has turned to the right (n,) since the first frame; what a break seems to turn is nothing."""
+        turned = np.array([motion.turn for motion in self.steps.motions]) * self.steps.spans_s
+        turned[self.broken] = 0.0
+        return np.asarray(np.cumsum(turned) - turned / 2)
 
     @cached_property
     def pace(self) -> Floats:
@@ -85,7 +91,7 @@ def contradiction(course: Course, side: str | None) -> str:
     return ""
 
 
-def doubts(course: Course) -> Iterator[Doubt]:
+def warnings(course: Course) -> Iterator[MapWarning]:
     """What speaks against a map of the pass, without making it impossible."""
     if len(course.broken) < LEAST_STEPS:
         return
@@ -94,43 +100,43 @@ def doubts(course: Course) -> Iterator[Doubt]:
         return
     for step, swept in _back(course):
         figure, details = f"at {course.seconds(step)}", (f"{_turning(course, step)}, by {-swept:.0f} degrees",)
-        yield Doubt("motion", "the camera goes back", figure=figure, action=SPLIT, details=details)
+        yield MapWarning("camera-motion", figure=figure, details=details, size=-swept)
     yield from _turns(course)
     yield from _stands(course)
 
 
-def _breaks(course: Course) -> Iterator[Doubt]:
+def _breaks(course: Course) -> Iterator[MapWarning]:
     """Missing frames, and cuts: those soon after one another as one, of a camera in somebody's hands, or covered."""
     spans = course.steps.spans_s
     long = spans > GAP_STEPS * float(np.median(spans))
     far = spans * course.usual > GAP_DEG
     missing = long & (course.broken | far)
     for step in np.flatnonzero(missing).tolist():
-        yield Doubt("motion", "frames are missing", figure=_span(course, step, step), action=SPLIT, details=(BETWEEN,))
+        span = float(spans[step])
+        yield MapWarning("missing-frames", (), _span(course, step, step), details=("frames are missing",), size=span)
     cuts = np.flatnonzero(course.broken & ~missing)
     for group in np.split(cuts, np.flatnonzero(np.diff(cuts) > CUTS_GAP) + 1) if len(cuts) else ():
         first, last = int(group[0]), int(group[-1])
         if first == last:
-            what, figure, action = "the picture changes all at once", f"at {course.seconds(first + 1)}", SPLIT
-            how = "a cut to another place, or missing frames"
+            figure, line = f"at {course.seconds(first + 1)}", "the picture changes all at once"
+            yield MapWarning("missing-frames", figure=figure, details=(f"{line}: a cut to another place",))
         else:
-            what, figure = "the picture changes again and again", _span(course, first, last)
-            how, action = "as of a camera that is carried or covered", _without(course, first, last) or SPLIT
-        yield Doubt("motion", what, figure=figure, action=action, details=(how, BETWEEN))
+            line = "the picture changes again and again, as of a camera that is carried or covered"
+            how = line, *_without(course, first, last)
+            yield MapWarning("missing-frames", figure=_span(course, first, last), details=how)
 
 
 def _span(course: Course, first: int, last: int) -> str:
     return f"from {course.seconds(first)} to {course.seconds(last + 1)}"
 
 
-def _without(course: Course, first: int, last: int) -> str:
-    """How to leave out steps that begin or end the pass; "" where they lie amid it, or are all of it."""
+def _without(course: Course, first: int, last: int) -> Iterator[str]:
+    """How to leave out steps that begin or end the pass; nothing where they lie amid it, or are all of it."""
     begins, ends = first <= CUTS_GAP, last >= len(course.broken) - 1 - CUTS_GAP
     if begins and not ends:
-        return f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
+        yield f"begin the pass after that (`start_s`), at {course.seconds(last + 1)} or later"
     if ends and not begins:
-        return f"end the pass before that (`end_s`), at {course.seconds(first)} or earlier"
-    return ""
+        yield f"end the pass before that (`end_s`), at {course.seconds(first)} or earlier"
 
 
 def _back(course: Course) -> list[tuple[int, float]]:
@@ -148,16 +154,15 @@ def _turning(course: Course, step: int) -> str:
     return f"{before}the camera goes back the way it came at {course.seconds(step)}"
 
 
-def _turns(course: Course) -> Iterator[Doubt]:
-    """Where the rig turns so far that the views leave the face, or the camera leaves the row."""
-    heading = course.steps.heading_deg
-    turned = np.abs(heading - float(np.median(heading))) > TURNED_DEG
+def _turns(course: Course) -> Iterator[MapWarning]:
+    """Where the rig turns so far that the views leave the face, or the camera leaves the row, with the step amid it."""
+    turned = np.abs(course.heading_deg - float(np.median(course.heading_deg))) > TURNED_DEG
     for first, last in _runs(turned, BACK_STEPS)[:1]:
-        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
-        yield Doubt("motion", "the camera is turned away from the row", figure=figure, action=action)
+        details = ("the camera is turned away from the row", *_without(course, first, last))
+        yield MapWarning("camera-motion", (), _span(course, first, last), None, (first + last + 1) // 2, details)
     for first, last in _runs(_astray(course), BACK_STEPS)[:1]:
-        figure, action = _span(course, first, last), _without(course, first, last) or SPLIT
-        yield Doubt("motion", "the camera leaves the row's direction", figure=figure, action=action)
+        details = ("the camera leaves the row's direction", *_without(course, first, last))
+        yield MapWarning("camera-motion", (), _span(course, first, last), None, (first + last + 1) // 2, details)
 
 
 def _astray(course: Course) -> Bools:
@@ -172,15 +177,17 @@ def _astray(course: Course) -> Bools:
     return astray & ~course.broken
 
 
-def _stands(course: Course) -> Iterator[Doubt]:
+def _stands(course: Course) -> Iterator[MapWarning]:
     """A camera that stands for most of the pass: one place then outweighs all others."""
     still = (np.abs(course.pace) < max(STILL_PACE * course.usual, LEAST_RATE / 2)) & ~course.broken
     pauses = _runs(still, PAUSE_STEPS)
     stood = sum(float(course.steps.spans_s[first : last + 1].sum()) for first, last in pauses)
     if stood > STILL_SHARE * float(course.steps.spans_s.sum()):
         first = max(pauses, key=lambda run: run[1] - run[0])[0]
-        figure, action = f"{stood:.0f} s", f"leave that out (`start_s`, `end_s`), first at {course.seconds(first)}"
-        yield Doubt("motion", "the camera stands most of the pass", figure=figure, action=action)
+        line = (
+            f"the camera stands most of the pass: leave that out (`start_s`, `end_s`), first at {course.seconds(first)}"
+        )
+        yield MapWarning("camera-motion", figure=f"{stood:.0f} s", details=(line,), size=stood)
 
 
 def _runs(flags: Bools, least: int) -> list[tuple[int, int]]:

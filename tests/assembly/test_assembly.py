@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.assembly import assembled, site_lines
-from savmap.types import Doubt, Placement, SiteMap, Trajectory
+from savmap.types import MapWarning, Placement, SiteMap, Trajectory
 
 from .made_up_site import (
     AISLE_M,
@@ -42,15 +42,15 @@ def moved(site_map: SiteMap, row: str, thing: str, by: tuple[float, float, float
     return replace(site_map, rows={**site_map.rows, row: replace(own, structures={"made up": tuple(found)})})
 
 
-def doubted(site_map: SiteMap, row: str) -> tuple[Doubt, ...]:
+def warned(site_map: SiteMap, row: str) -> tuple[MapWarning, ...]:
     """What speaks against a row."""
     verdict = site_map.rows[row].verdict
-    return verdict.doubts if verdict else ()
+    return verdict.warnings if verdict else ()
 
 
-def doubts_of(site_map: SiteMap) -> set[tuple[str, str, tuple[str, ...]]]:
-    """Rows with the kinds of their doubts and the structures that these name."""
-    return {(row, doubt.kind, doubt.structures) for row in site_map.rows for doubt in doubted(site_map, row)}
+def warnings_of(site_map: SiteMap) -> set[tuple[str, str, tuple[str, ...]]]:
+    """Rows with the kinds of their warnings and the structures that these name."""
+    return {(row, warning.code, warning.subjects) for row in site_map.rows for warning in warned(site_map, row)}
 
 
 def test_shared_camera_path_places_the_row_across_the_aisle() -> None:
@@ -85,7 +85,7 @@ def test_a_regular_site_comes_out_square() -> None:
         known = priors(truth(6), rng)
         found = assembled(site_map, known, one_drive_an_aisle(list(site_map.rows)), ask)
         assert found.notes == ()
-        assert not doubts_of(found.site_map)
+        assert not warnings_of(found.site_map)
         placed = found.site_map.placements
         squares += [chi2(placed[name], place) for name, place in truth(6).items()]
         first = placed["1L"]
@@ -168,16 +168,18 @@ def test_match_that_does_not_fit_is_left_out_and_named() -> None:
     known = {"1L": Placement(0, 0, 0, 1e-6 * np.eye(3)), "1R": loose}
     found = assembled(site_map, known, NO_DRIVES, ask, square_deg=None)
     assert len(found.site_map.matches) == 6
-    assert doubts_of(found.site_map) == {("1L", "site", ("lamp 1",)), ("1R", "site", ("lamp 7",))}
-    (doubt,) = doubted(found.site_map, "1R")
-    assert doubt.figure.startswith("0.")
-    assert doubt.figure.endswith(" sigma")
-    assert doubt.action == "look which of them is wrong: lamp 7, or lamp 1 of row 1L"
-    assert doubt.place is not None
+    assert warnings_of(found.site_map) == {
+        ("1L", "site-misfit", ("lamp 1", "row 1R")),
+        ("1R", "site-misfit", ("lamp 7", "row 1L")),
+    }
+    (warning,) = warned(found.site_map, "1R")
+    assert warning.figure.startswith("0.")
+    assert warning.figure.endswith(" sigma")
+    assert warning.place is not None
     assert chi2(found.site_map.placements["1R"], truth(1)["1R"]) < CHI2_999
 
 
-def test_rows_that_put_a_drive_elsewhere_are_doubted() -> None:
+def test_rows_that_put_a_drive_elsewhere_are_warned() -> None:
     """One row has the camera 20 cm higher than the row across the aisle, on the same drive: one height is wrong."""
     site_map = site(1, np.random.default_rng(3))
     own = site_map.rows["1R"]
@@ -188,9 +190,9 @@ def test_rows_that_put_a_drive_elsewhere_are_doubted() -> None:
         replace(site_map, rows={**site_map.rows, "1R": raised}), {}, one_drive_an_aisle(["1L", "1R"]), ask
     )
     for row in ("1L", "1R"):
-        (doubt,) = doubted(found.site_map, row)
-        assert doubt.kind == "site"
-        assert "m apart in height, " in doubt.figure
+        (warning,) = warned(found.site_map, row)
+        assert warning.code == "site-misfit"
+        assert "m apart in height, " in warning.figure
 
 
 def test_both_faces_of_a_rack_agree_along_it() -> None:
@@ -225,8 +227,8 @@ def test_wrong_place_is_named_and_bends_no_other_aisle() -> None:
     known = priors(truth(3), rng, sigma_m=0.05, sigma_deg=0.1)
     known["2R"] = replace(known["2R"], x_m=known["2R"].x_m + 2.0)
     found = assembled(site_map, known, one_drive_an_aisle(list(site_map.rows)), ask)
-    assert {row for row, _, _ in doubts_of(found.site_map)} == {"2L", "2R"}
-    assert doubted(found.site_map, "2R")[0].headline == "the row stands off its given place"
+    assert {row for row, _, _ in warnings_of(found.site_map)} == {"2L", "2R"}
+    assert warned(found.site_map, "2R")[0].subjects == ("row 2R",)
     placed = found.site_map.placements
     left = {name: off(place, truth(3)[name]) for name, place in placed.items()}
     assert max(np.abs(left[name][:2]).max() for name in ("1L", "1R", "3L", "3R")) < 0.15
@@ -237,7 +239,7 @@ def test_what_is_known_exactly_is_no_trouble() -> None:
     site_map = site(1, np.random.default_rng(12), noise=Noise(0.0, 0.0, 0.0))
     found = assembled(site_map, truth(1), NO_DRIVES, ask)
     assert found.notes == ()
-    assert not doubts_of(found.site_map)
+    assert not warnings_of(found.site_map)
     assert len(found.site_map.matches) == 7
     assert off(found.site_map.placements["1R"], truth(1)["1R"]) == pytest.approx([0, 0, 0], abs=1e-6)
 

@@ -20,7 +20,7 @@ from savmap.cli import main
 from savmap.cli.app import app
 from savmap.cli.commands import COMMANDS
 from savmap.maps.map_file import write_map
-from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Trajectory, Verdict
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Structure, Trajectory, Verdict
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 
@@ -282,14 +282,14 @@ def test_the_ending_of_an_exported_file_tells_its_format(
 
 def test_an_export_tells_what_the_file_does_not_show(savmap: Savmap, tmp_path: Path) -> None:
     site = _one_row()
-    doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
+    doubted = replace(site.rows["A"], verdict=Verdict((MapWarning("uncertain-element", ("post 1",)),)))
     write_map(replace(site, rows={"A": doubted}, failed={"B": "no scale"}), tmp_path / "map.json")
     assert savmap("export", "map.json", "-o", "posts.csv").out.splitlines() == [
         "wrote posts.csv",
         "coordinates are in the row's own frame (metres: x along it to the right, y up, z out of the face)",
         "note: 1 of 2 rows could not be mapped: B; 1 of 2 rows must be checked: A (`savmap view`, report.html)",
     ]
-    assert (tmp_path / "posts.csv").read_text(encoding="utf-8").splitlines()[1].endswith(",odd")
+    assert (tmp_path / "posts.csv").read_text(encoding="utf-8").splitlines()[1].endswith(": post 1")
 
 
 @pytest.mark.parametrize(
@@ -297,7 +297,7 @@ def test_an_export_tells_what_the_file_does_not_show(savmap: Savmap, tmp_path: P
 )
 def test_figures_name_their_frame_and_rows_to_check(command: list[str], savmap: Savmap, tmp_path: Path) -> None:
     site = _one_row()
-    doubted = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
+    doubted = replace(site.rows["A"], verdict=Verdict((MapWarning("uncertain-element", ("post 1",)),)))
     write_map(replace(site, rows={"A": doubted}), tmp_path / "map.json")
     ended = savmap(*command)
     *_, line, note = ended.out.splitlines()

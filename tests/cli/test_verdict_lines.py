@@ -1,4 +1,4 @@
-"""What the terminal says of each row: two lines of a trusted one, two for each doubt of another."""
+"""What the terminal says of each row: two lines of a trusted one, two for each warning of another."""
 
 from pathlib import Path
 
@@ -6,25 +6,24 @@ import numpy as np
 import pytest
 
 from savmap.cli.mapping import verdict_lines
-from savmap.errors import DoubtfulError, RowsFailedError, SolveError
+from savmap.errors import MustCheckError, RowsFailedError, SolveError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.report.viewer.data import page_data
 from savmap.site.job import Job
-from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
 
 PATH = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
-LENGTH = Doubt(
-    "reference",
-    "references contradict one another",
-    figure="0.54 m off, 5 sigma",
-    action="measure them again: length upright 1 / left to upright 5 / right or camera height",
+LENGTH = MapWarning(
+    "reference-conflict",
+    ("length upright 1 / left to upright 5 / right", "camera height"),
+    "0.54 m off, 5 sigma",
     details=("length upright 1 / left to upright 5 / right is given as 15.452 m +- 0.003 m",),
 )
 
 
-def row(name: str, *doubts: Doubt, notes: tuple[str, ...] = ()) -> RowMap:
-    return RowMap(name, FrameTable(np.zeros(0), ()), {}, PATH, {}, (), verdict=Verdict(doubts, notes))
+def row(name: str, *warnings: MapWarning, notes: tuple[str, ...] = ()) -> RowMap:
+    return RowMap(name, FrameTable(np.zeros(0), ()), {}, PATH, {}, (), verdict=Verdict(warnings, notes))
 
 
 def site(*rows: RowMap, failed: tuple[str, ...] = ()) -> SiteMap:
@@ -38,15 +37,15 @@ def test_a_trusted_row_prints_two_lines_at_most() -> None:
     assert lines == ["row A: trusted", f"  note: {notes[0]} (and 2 more in the report)"]
 
 
-def test_a_doubt_prints_two_lines_without_its_details() -> None:
-    lines = [*verdict_lines(site(row("C", LENGTH, Doubt("camera", "a dark video"))), Path("out"))]
+def test_a_warning_prints_two_lines_without_its_details() -> None:
+    lines = [*verdict_lines(site(row("C", LENGTH, MapWarning("lens-seam"))), Path("out"))]
     assert lines[:4] == [
         "row C: check",
-        "  references contradict one another: 0.54 m off, 5 sigma",
-        "    measure them again: length upright 1 / left to upright 5 / right or camera height",
-        "  a dark video",
+        "  reference-conflict: a reference contradicts the rest, 0.54 m off, 5 sigma",
+        "    measure it again, in metres: length upright 1 / left to upright 5 / right, camera height",
+        "  lens-seam: the pictures are bent at a seam",
     ]
-    assert lines[4:] == ["details: out/report.html, out/map.json, savmap view out"]
+    assert lines[5:] == ["details: out/report.html, out/map.json, savmap view out"]
 
 
 @pytest.mark.parametrize(
@@ -67,7 +66,7 @@ def test_one_line_says_which_rows_to_check(made: SiteMap, banner: str, tmp_path:
     if not banner:
         run.raise_if_incomplete(job)
         return
-    kind, begins = (RowsFailedError, banner) if failed else (DoubtfulError, f"mapped, but {banner};")
+    kind, begins = (RowsFailedError, banner) if failed else (MustCheckError, f"mapped, but {banner};")
     with pytest.raises(kind) as caught:
         run.raise_if_incomplete(job)
     assert str(caught.value).startswith(begins)

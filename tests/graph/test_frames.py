@@ -99,7 +99,7 @@ def test_a_frame_solved_far_away_is_left_out_and_told() -> None:
 
     solution = solve(problem(seen_from_afar))
     assert solution.trajectory.frames.tolist() == list(range(LAST))
-    assert any(warning.startswith(f"frame {LAST} is left out") for warning in solution.warnings)
+    assert any(warning.startswith(f"frame {LAST} is left out") for warning in solution.notes)
     assert solve(problem()).trajectory.frames.tolist() == list(range(made.FRAMES))
 
 

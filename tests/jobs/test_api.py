@@ -9,7 +9,7 @@ import pytest
 
 import savmap
 from savmap.errors import SiteError, VideoError
-from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Structure, Survey, Trajectory, Verdict
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Structure, Survey, Trajectory, Verdict
 
 EMPTY = SiteMap({}, {})
 
@@ -46,29 +46,32 @@ def post(number: int) -> Structure:
 
 
 @pytest.fixture
-def doubted() -> SiteMap:
-    """A row of two posts, the second of which is doubted."""
+def warned() -> SiteMap:
+    """A row of two posts, the second of which is warned."""
     path = Trajectory(np.arange(1), np.eye(4)[None])
     row = RowMap("A", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"posts": (post(1), post(2))}, ())
-    return SiteMap({"A": replace(row, verdict=Verdict((Doubt("shape", "post 2 leans", ("post 2",)),)))}, {})
+    return SiteMap({"A": replace(row, verdict=Verdict((MapWarning("uncertain-element", ("post 2",)),)))}, {})
 
 
-def test_the_table_of_vertices_says_what_is_doubted(doubted: SiteMap) -> None:
-    table = doubted.to_dataframe()
-    assert dict(zip(table["structure"], table["doubts"], strict=True)) == {"post 1": "", "post 2": "post 2 leans"}
+def test_the_table_of_vertices_says_what_is_warned(warned: SiteMap) -> None:
+    table = warned.to_dataframe()
+    assert dict(zip(table["structure"], table["warnings"], strict=True)) == {
+        "post 1": "",
+        "post 2": MapWarning("uncertain-element", ("post 2",)).line,
+    }
 
 
-def test_structures_are_found_and_distances_measured_as_on_the_command_line(doubted: SiteMap, tmp_path: Path) -> None:
+def test_structures_are_found_and_distances_measured_as_on_the_command_line(warned: SiteMap, tmp_path: Path) -> None:
     file = tmp_path / "map.json"
-    savmap.write_map(doubted, file)
-    for site_map in (doubted, str(file)):
+    savmap.write_map(warned, file)
+    for site_map in (warned, str(file)):
         (hit,) = savmap.find(site_map, "POST 2")
         assert (hit.row, hit.structure.id, hit.position_m.tolist()) == ("A", "post 2", [6.0, 1.0, 0.0])
         distance = savmap.measure(site_map, "post 1 / top", "post 2 / top")
         assert distance.length_m == pytest.approx(3.0)
         assert distance.sigma_m == pytest.approx(2**0.5 * 1e-3)
     with pytest.raises(SiteError, match="nearest: post"):
-        savmap.find(doubted, "post 7")
+        savmap.find(warned, "post 7")
 
 
 @pytest.mark.parametrize("thing", [None, {"rows": {}}, 7])
@@ -78,12 +81,12 @@ def test_what_is_no_path_is_refused_by_name(thing: Any) -> None:
             function(thing)
 
 
-def test_what_is_no_text_or_count_is_told_as_such(doubted: SiteMap, tmp_path: Path) -> None:
+def test_what_is_no_text_or_count_is_told_as_such(warned: SiteMap, tmp_path: Path) -> None:
     site = tmp_path / "site.yaml"
     site.write_text("rows: {A: {passes: [{video: a.mp4}]}}", encoding="utf-8")
     number: Any = 3
     with pytest.raises(TypeError, match="a text is expected, not int"):
-        savmap.find(doubted, number)
+        savmap.find(warned, number)
     with pytest.raises(TypeError, match="a text is expected, not int"):
         savmap.map_site(site, [number])
     with pytest.raises(SiteError, match="jobs -1: give the number of rows"):

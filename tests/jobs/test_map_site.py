@@ -16,7 +16,7 @@ from savmap.maps.run_record import FootageFile, RowRun, RunLog
 from savmap.report.site_report import viewed
 from savmap.site.job import Job, job_for
 from savmap.site.overrides import overrides_of
-from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
 from savmap.types.maps import SKIPPED
 from savmap.types.progress import NoteCollector
 
@@ -102,14 +102,16 @@ def test_record_of_a_run_tells_when_it_ended_and_its_footage(
 
 
 def test_what_the_site_file_confirms_is_a_note_of_the_map(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    what, action = "an element was measured in few frames", "look whether it is there: bay 1 / beam 2"
-    doubt = Doubt("support", what, place=(1.0, 2.0, 0.0), figure="3 of 40 frames", action=action)
-    lines = overrides_of([f'rows.A.confirmed=["{doubt.line}", "light 9 is a window"]'], {})
+    warning = MapWarning("uncertain-element", ("bay 1 / beam 2",), "seen in 3 of 40 frames", (1.0, 2.0, 0.0))
+    entry = '{"code": "uncertain-element", "subjects": ["bay 1 / beam 2", "light 9"], "reason": "a window"}'
+    lines = overrides_of([f"rows.A.confirmed=[{entry}]"], {})
     job = job_for(EXAMPLE / "site.yaml", None, tmp_path, overrides=lines)
-    mapped = MappedRows({NAME: row(verdict=Verdict((doubt,)))}, {}, RunLog(rows={}))
+    mapped = MappedRows({NAME: row(verdict=Verdict((warning,)))}, {}, RunLog(rows={}))
     run, notes = written(job, monkeypatch, mapped)
-    assert run.site_map.rows[NAME].verdict == Verdict((), (f"confirmed in the site file: {doubt.line}",))
-    assert notes == ["row A: `confirmed` has a line that no doubt says now: light 9 is a window"]
+    assert run.site_map.rows[NAME].verdict == Verdict(
+        (), ("confirmed in the site file: uncertain-element, bay 1 / beam 2",)
+    )
+    assert notes == ["row A: `confirmed` has what nothing warns of now: uncertain-element, light 9"]
 
 
 def test_pictures_of_rows_that_the_map_lacks_are_removed_and_nothing_else(

@@ -11,15 +11,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import OutputError
-from savmap.maps.map_file import map_of, map_text, read_map, write_map
+from savmap.maps.map_file import map_text, read_map, write_map
 from savmap.maps.schema import schema_text
 from savmap.types import (
     Alignment,
     AlignmentResidual,
     CrossRowMatch,
-    Doubt,
     FrameTable,
     JointCovariance,
+    MapWarning,
     Measured,
     Placement,
     ReferenceUse,
@@ -170,23 +170,12 @@ def test_references_say_how_they_were_used(tmp_path: Path) -> None:
     assert read_map(tmp_path / "map.json").rows["A"].references == uses
 
 
-def test_a_doubt_of_an_older_map_begins_its_headline() -> None:
-    content = json.loads(map_text(site()))
-    what = "upright 2 and upright 3 are 3.69 m apart, others 1.36 m: is one between them missing?"
-    said = [{"kind": "shape", "what": what, "structures": ["upright 2"]}, {"kind": "camera", "what": "a dark video"}]
-    content["rows"]["A"]["verdict"] = {"grade": "check", "doubts": said}
-    verdict = map_of(json.dumps(content), "map.json").rows["A"].verdict
-    assert verdict is not None
-    first, second = verdict.doubts
-    assert (first.headline, first.details) == ("upright 2 and upright 3 are 3.69 …", (what,))
-    assert (second.headline, second.details) == ("a dark video", ())
-
-
-def test_a_doubt_is_written_and_read(tmp_path: Path) -> None:
-    doubt = Doubt("site", "a row is off", ("post 1",), (1.0, 2.0, 3.0), 4, False, "2 m off", "look: B", ("more", "yet"))
+def test_a_warning_is_written_and_read(tmp_path: Path) -> None:
+    where = ("row B",), "2 m off", (1.0, 2.0, 3.0), 4
+    warning = MapWarning("site-misfit", *where, ("more", "yet"))
     made = site()
-    write_map(replace(made, rows={"A": replace(made.rows["A"], verdict=Verdict((doubt,)))}), tmp_path / "map.json")
-    assert read_map(tmp_path / "map.json").rows["A"].verdict == Verdict((doubt,))
+    write_map(replace(made, rows={"A": replace(made.rows["A"], verdict=Verdict((warning,)))}), tmp_path / "map.json")
+    assert read_map(tmp_path / "map.json").rows["A"].verdict == Verdict((warning,))
 
 
 def test_published_schema_is_up_to_date() -> None:

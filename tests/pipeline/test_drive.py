@@ -321,7 +321,7 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
             row = walk_of([room("one", extract)], plan, journal)
             row.request = replace(row.request, references=References())
             walk = driven(row)
-        return packed([walk.features, walk.stamps, walk.pass_of, walk.packed_views, walk.notes, walk.doubts]), read
+        return packed([walk.features, walk.stamps, walk.pass_of, walk.packed_views, walk.notes, walk.warnings]), read
 
     stops, shelf = [True], Shelf()
     with pytest.raises(KeyboardInterrupt):

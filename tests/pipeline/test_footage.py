@@ -1,4 +1,4 @@
-"""Footage on its way into a row's measurements: what is refused, what is doubted, and what errors say of it."""
+"""Footage on its way into a row's measurements: what is refused, what is warned of, and what errors say of it."""
 
 from pathlib import Path
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError, VideoError
-from savmap.pipeline.trust.footage import require_course, require_panoramas, with_doubts
-from savmap.types import Doubt, Panorama
+from savmap.pipeline.trust.footage import require_course, require_panoramas, with_warnings
+from savmap.types import MapWarning, Panorama
 
 from ..video.test_camera_kind import corridor, vr180
 from ..video.test_course import course, drive
 
-CUT = Doubt("motion", "frames are missing", figure="pass 1, from 1.0 s to 3.0 s")
+CUT = MapWarning("missing-frames", figure="pass 1, from 1.0 s to 3.0 s")
 AHEAD = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """world_from_rig of a face whose +x lies ahead, in the panorama's centre."""
 
@@ -43,16 +43,16 @@ def test_the_way_is_that_of_the_face() -> None:
 def test_without_an_attitude_cuts_are_found_all_the_same() -> None:
     steps = course([*drive(0, 20), *drive(100, 20, hall=1), *drive(0, 20)[::-1]]).steps
     found = require_course("pass 1", Path("a.mp4"), steps, None, "left")
-    assert [doubt.kind for doubt in found] == ["motion", "motion"]
+    assert [warning.code for warning in found] == ["missing-frames", "missing-frames"]
 
 
 @pytest.mark.parametrize("kind", [StructureError, SolveError])
 def test_errors_say_what_of_the_footage_may_be_why(kind: type[StructureError] | type[SolveError]) -> None:
-    error = with_doubts(kind("row A: the rest says -37.1 m"), [CUT])
+    error = with_warnings(kind("row A: the rest says -37.1 m"), [CUT])
     assert type(error) is kind
     assert str(error) == f"row A: the rest says -37.1 m (perhaps because of the footage: {CUT.line})"
 
 
 def test_other_errors_stay_as_they_are() -> None:
     for error in (SiteError("no"), PluginFailedError("a", "b", "c"), StructureError("no")):
-        assert with_doubts(error, [] if type(error) is StructureError else [CUT]) is error
+        assert with_warnings(error, [] if type(error) is StructureError else [CUT]) is error

@@ -141,14 +141,12 @@ def test_what_is_expected_beside_what_is_seen_is_measured_where_it_is_seen(
     assert middles == pytest.approx([66.5] * COUNT, abs=1)
 
 
-def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_doubted(
+def test_what_cannot_be_followed_when_measured_anew_stays_as_it_was_and_is_warned(
     walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured, notes = looked(walked, watcher(), [Expectation([rectangle(0.8)], PATH)], monkeypatch, followed=False)
     assert measured.features == walked.measurements.features
-    assert [doubt.line for doubt in measured.doubts] == [
-        "what all frames show could not be tracked; look at what is mapped of: one"
-    ]
+    assert [(warning.code, warning.subjects) for warning in measured.warnings] == [("incomplete-map", ("one",))]
     assert len(notes) == 1
 
 
@@ -178,16 +176,14 @@ def test_what_is_absent_is_not_measured_beside_what_is_there(
         assert notes == [f"row A: `one` looks again for {len(objects) - (absent in objects)} objects"]
 
 
-def test_what_is_not_tracked_after_the_last_look_is_doubted(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_tracked_after_the_last_look_is_warned(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
     tracked = {f"thing 1 / {end}": np.array([-0.8, y, 0.0]) for end, y in (("top", 0.5), ("bottom", -0.5))}
     expected = Expectation([rectangle(0.8), rectangle(-0.8)], PATH, tracked)
     measured, _ = looked(walked, watcher(), [expected] * 3, monkeypatch)
-    assert [doubt.line for doubt in measured.doubts] == [
-        "all frames show something that is not mapped; look whether it is missing: light near thing 1"
-    ]
+    assert [warning.subjects for warning in measured.warnings] == [("light near thing 1",)]
 
 
-def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
+def test_what_is_tracked_after_the_last_look_and_absent_is_warned(
     walked: WalkedRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracked = {
@@ -197,9 +193,7 @@ def test_what_is_tracked_after_the_last_look_and_absent_is_doubted(
     }
     things = [rectangle(-0.8), replace(rectangle(0.8), absent=True), replace(rectangle(4.0), absent=True)]
     measured, _ = looked(walked, watcher(), [Expectation(things, PATH, tracked)] * 3, monkeypatch)
-    assert [doubt.line for doubt in measured.doubts] == [
-        "frames together do not show an element; look whether it is light: thing 2"
-    ]
+    assert [warning.subjects for warning in measured.warnings] == [("thing 2",)]
 
 
 def test_a_look_that_loses_more_than_it_finds_is_not_used(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,9 +205,7 @@ def test_a_look_that_loses_more_than_it_finds_is_not_used(walked: WalkedRow, mon
     expectations = [Expectation(things[:1], PATH, none), *(Expectation(things, PATH, points) for points in (one, none))]
     measured, _ = looked(walked, watcher(), [*expectations], monkeypatch)
     assert len(measured.features["one"]) == COUNT
-    assert [doubt.line for doubt in measured.doubts] == [
-        "all frames show something that is not mapped; look whether it is missing: light near thing 1"
-    ]
+    assert [warning.subjects for warning in measured.warnings] == [("light near thing 1",)]
 
 
 @pytest.mark.parametrize(("end", "used"), [(0.8, True), (0.2, False)])
@@ -301,12 +293,12 @@ def test_tracking_that_is_not_used_warns_nobody(walked: WalkedRow, caplog: pytes
 
 
 @pytest.mark.parametrize(
-    ("in_plane", "tracked_at", "doubted"),
+    ("in_plane", "tracked_at", "warned"),
     [((1.4,), None, 0), ((0.8, 1.4), None, 2), ((1.4,), 0.2, 1)],
     ids=["most of an opening lies behind", "half of it does", "a part of it was tracked"],
 )
 def test_what_stands_over_others_that_lie_behind_does_so_too(
-    monkeypatch: pytest.MonkeyPatch, in_plane: tuple[float, ...], tracked_at: float | None, doubted: int
+    monkeypatch: pytest.MonkeyPatch, in_plane: tuple[float, ...], tracked_at: float | None, warned: int
 ) -> None:
     def long_thing(y: float) -> Expected:
         return Expected("thing", np.array([[0.0, y, 0], [3.0, y, 0], [3.0, y + 0.1, 0], [0.0, y + 0.1, 0]]))
@@ -319,12 +311,12 @@ def test_what_stands_over_others_that_lie_behind_does_so_too(
     y = -5.0 if tracked_at is None else tracked_at
     tracked = {f"thing 1 / {end}": np.array([x, y, 0.0]) for end, x in (("left", 0.0), ("right", 3.0))}
     left = Expectation([long_thing(y) for y in (0.2, 0.8, 1.1, 1.4)], PATH, tracked, [plane])
-    assert len([*unexplained(left, [], {})]) == doubted
+    assert len([*unexplained(left, [], {})]) == warned
 
 
-@pytest.mark.parametrize(("in_plane", "doubted"), [([], 0), ([0.8], 2)])
+@pytest.mark.parametrize(("in_plane", "warned"), [([], 0), ([0.8], 2)])
 def test_what_meets_only_what_lies_behind_lies_behind_itself(
-    monkeypatch: pytest.MonkeyPatch, in_plane: list[float], doubted: int
+    monkeypatch: pytest.MonkeyPatch, in_plane: list[float], warned: int
 ) -> None:
     def box(x: tuple[float, float], y: tuple[float, float]) -> Expected:
         return Expected(
@@ -340,7 +332,7 @@ def test_what_meets_only_what_lies_behind_lies_behind_itself(
     along = [box((0.0, 3.0), (y, y + 0.1)) for y in (0.2, 0.8)]
     tracked = {f"thing 1 / {end}": np.array([-0.05, y, 0.0]) for end, y in (("top", 2.0), ("bottom", -1.0))}
     left = Expectation([*across, *along], PATH, tracked, [plane])
-    assert len([*unexplained(left, [], {})]) == doubted
+    assert len([*unexplained(left, [], {})]) == warned
 
 
 def test_a_plugin_is_asked_with_the_floor_before_its_planes(walked: WalkedRow, monkeypatch: pytest.MonkeyPatch) -> None:

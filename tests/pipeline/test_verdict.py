@@ -1,11 +1,12 @@
-"""The verdict: which structures too few frames support, which odd and even frames disagree about, and what plugins doubt."""
+"""The verdict: which structures too few frames support, which odd and even frames disagree about, and what plugins warn of."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from savmap.errors import DoubtfulError
+from savmap.errors import MustCheckError
 from savmap.graph import Landmark, References, camera_priors, solve_rows
 from savmap.graph.solver.residuals import DirectionalErrors
 from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
@@ -13,12 +14,11 @@ from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowMeasurements, RowRequest, SolvedRow
 from savmap.pipeline.row import collect, constrain, track
-from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, supports
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.types import Doubt, Feature, RowMap, SiteMap, Structure, Track, Verdict
+from savmap.types import Feature, FoundObject, MapWarning, RowMap, SiteMap, Structure, Track, Verdict
 from savmap.types.progress import SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
@@ -71,54 +71,65 @@ def test_a_map_that_repeats_is_trusted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off", "doubts", "notes"),
+    ("off", "warnings"),
     [
-        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.3)}, 1, 0),
-        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.05)}, 0, 1),
-        ({"wall": (0.01, 0.2), "lamps": (0.1, 0.3)}, 0, 0),
+        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.3)}, 1),
+        ({"wall": (0.05, 0.2), "lamps": (0.1, 0.05)}, 0),
+        ({"wall": (0.01, 0.2), "lamps": (0.1, 0.3)}, 0),
     ],
 )
-def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], doubts: int, notes: int) -> None:
+def test_pictures_that_are_no_panoramas(off: dict[str, tuple[float, float]], warnings: int) -> None:
     """What locates the camera may look different from aslant; something else that is off in the same way does not by chance."""
     row = mapped(Wall)
     directional = {plugin: DirectionalErrors(*values) for plugin, values in off.items()}
     _, verdict = judge(replace(row, solution=replace(row.solution, directional=directional)))
-    assert [doubt.kind for doubt in verdict.doubts] == doubts * ["camera"]
-    assert sum("no true panoramas" in note for note in verdict.notes) == notes
+    assert [warning.code for warning in verdict.warnings] == warnings * ["bad-panorama"]
 
 
 @pytest.mark.parametrize(
-    ("share", "sigma", "doubted"),
+    ("share", "sigma", "warned"),
     [(0.01, 0.001, "1.00 ± 0.10 % too large"), (-0.01, 0.001, "too small"), (0.01, 0.003, ""), (0.0015, 0.0001, "")],
 )
-def test_stretched_pictures(share: float, sigma: float, doubted: str) -> None:
+def test_stretched_pictures(share: float, sigma: float, warned: str) -> None:
     row = mapped(Wall)
-    off = {plugin: DirectionalErrors(0.05, 0.2) for plugin in ("wall", "lamps")} if doubted else {}
+    off = {plugin: DirectionalErrors(0.05, 0.2) for plugin in ("wall", "lamps")} if warned else {}
     solution = replace(row.solution, vertical_scale=VerticalScaleError(share, sigma), directional=off)
     _, verdict = judge(replace(row, solution=solution))
-    assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
-    assert all(doubted in doubt.figure and "vertical_scale: true" in doubt.action for doubt in verdict.doubts)
+    assert [warning.code for warning in verdict.warnings] == (["stretched-pictures"] if warned else [])
+    assert all(warned in warning.figure and "vertical_scale: true" in warning.action for warning in verdict.warnings)
 
 
 @pytest.mark.parametrize(
-    ("displacement", "deviation", "doubted"),
+    ("displacement", "deviation", "warned"),
     [(0.015, 5.0, "lenses 3.0 ± 0.5 cm apart"), (0.015, 3.0, ""), (0.001, 5.0, "")],
 )
-def test_pictures_bent_at_the_seam(displacement: float, deviation: float, doubted: str) -> None:
+def test_pictures_bent_at_the_seam(displacement: float, deviation: float, warned: str) -> None:
     row = mapped(Wall)
     solution = replace(row.solution, lens_distance=LensDistanceError(0.03, 0.005, displacement, deviation))
     _, verdict = judge(replace(row, solution=solution))
-    assert [doubt.kind for doubt in verdict.doubts] == (["camera"] if doubted else [])
-    assert all(doubted in doubt.figure and "lens_distance: true" in doubt.action for doubt in verdict.doubts)
+    assert [warning.code for warning in verdict.warnings] == (["lens-seam"] if warned else [])
+    assert all(warned in warning.figure and "lens_distance: true" in warning.action for warning in verdict.warnings)
 
 
 def test_what_is_said_twice_is_told_once() -> None:
     row = mapped(Wall)
-    doubt = Doubt("support", "all frames show something that is not mapped", action="look: post 7")
-    measurements = replace(row.measurements, doubts=(doubt, doubt))
+    warning = MapWarning("uncertain-element", ("post 7",))
+    measurements = replace(row.measurements, warnings=(warning, warning))
     _, verdict = judge(replace(row, measurements=measurements, notes=("one pass", "one pass")))
-    assert verdict.doubts == (doubt,)
+    assert verdict.warnings == (warning,)
     assert verdict.notes.count("one pass") == 1
+
+
+@pytest.mark.parametrize(("turned_deg", "frame", "refuted"), [(0.0, 6, True), (60.0, 6, False), (0.0, None, False)])
+def test_a_turn_that_the_solved_path_does_not_show_is_none(turned_deg: float, frame: int | None, refuted: bool) -> None:
+    row = mapped(Wall)
+    poses = row.solution.trajectory.world_from_rig.copy()
+    poses[5:8, :3, :3] = Rotation.from_euler("y", turned_deg, degrees=True).as_matrix() @ poses[5:8, :3, :3]
+    path = replace(row.solution.trajectory, world_from_rig=poses)
+    warning = MapWarning("camera-motion", frame=frame)
+    row = replace(row, measurements=replace(row.measurements, warnings=(warning,)))
+    _, verdict = judge(replace(row, solution=replace(row.solution, trajectory=path)))
+    assert (warning in verdict.warnings) != refuted
 
 
 class Shaky(Wall):
@@ -136,27 +147,25 @@ def test_halves_see_what_differs_between_odd_and_even_frames() -> None:
     assert max(np.max(other) for name, other in apart.items() if name != "post 7") < 0.5 * apart["post 7"][1]
 
 
-@pytest.mark.parametrize(("apart_m", "doubted"), [(0.03, True), (0.004, False)])
-def test_frames_that_disagree_about_a_structure_are_doubted(apart_m: float, doubted: bool) -> None:
+@pytest.mark.parametrize(("apart_m", "warned"), [(0.03, True), (0.004, False)])
+def test_frames_that_disagree_about_a_structure_are_warned_of(apart_m: float, warned: bool) -> None:
     row = mapped(Wall)
     halves = [
         replace(half, difference=half.difference + apart_m * np.eye(3)[0] * (half.name == "post 7"))
         for half in row.solution.halves
     ]
     _, verdict = judge(replace(row, solution=replace(row.solution, halves=tuple(halves))))
-    if not doubted:
-        assert verdict.doubts == ()
+    if not warned:
+        assert verdict.warnings == ()
         return
-    (doubt,) = verdict.doubts
-    assert (doubt.kind, doubt.structures) == ("repeatability", ("post 7",))
-    assert (
-        doubt.line == "odd and even frames put an element apart: 2.8 cm apart; look whether it is one element: post 7"
-    )
-    assert doubt.details == ("post 7 along x",)
-    assert doubt.place == pytest.approx(made.WALL[7])
+    (warning,) = verdict.warnings
+    assert (warning.code, warning.subjects) == ("inconsistent-element", ("post 7",))
+    assert warning.figure == "2.8 cm apart"
+    assert warning.details == ("odd and even frames put post 7 apart along x",)
+    assert warning.place == pytest.approx(made.WALL[7])
 
 
-def test_a_structure_whose_measurements_do_not_fit_is_doubted() -> None:
+def test_a_structure_whose_measurements_do_not_fit_is_warned_of() -> None:
     class Mistaken(Wall):
         """Half of the frames take something else for post 7, far from it."""
 
@@ -166,8 +175,7 @@ def test_a_structure_whose_measurements_do_not_fit_is_doubted() -> None:
             return [*found[:7], replace(found[7], pixels=moved), *found[8:]]
 
     _, verdict = judge(mapped(Mistaken))
-    assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("residuals", ("post 7",))]
-    assert verdict.doubts[0].line.startswith("measurements of an element do not fit it: ")
+    assert [(warning.code, warning.subjects) for warning in verdict.warnings] == [("inconsistent-element", ("post 7",))]
 
 
 def offset(*metres: float, used: int) -> Landmark:
@@ -189,7 +197,7 @@ def test_measurements_that_are_far_off_speak_against_a_structure(landmark: Landm
     row = mapped(Wall)
     landmarks = {"wall": {**row.solution.landmarks["wall"], "post 7": landmark}}
     _, verdict = judge(replace(row, solution=replace(row.solution, landmarks=landmarks)))
-    assert [doubt.figure for doubt in verdict.doubts] == ([told] if told else [])
+    assert [warning.figure for warning in verdict.warnings] == ([told] if told else [])
 
 
 def test_offsets_are_metres_at_the_landmark() -> None:
@@ -207,18 +215,7 @@ def test_offsets_are_metres_at_the_landmark() -> None:
     assert np.median(off) < 0.1 * off.max()
 
 
-def test_a_minor_doubt_is_a_note() -> None:
-    class Odd(Wall):
-        @hookimpl
-        def doubt(self) -> list[Doubt]:
-            return [Doubt("shape", "the top of post 1 is hidden", ("post 1",), minor=True)]
-
-    _, verdict = judge(mapped(Odd))
-    assert verdict.grade == "trusted"
-    assert "the top of post 1 is hidden" in verdict.notes
-
-
-def test_a_structure_that_few_frames_measured_is_doubted() -> None:
+def test_a_structure_that_few_frames_measured_is_warned_of() -> None:
     class Seldom(Wall):
         """Post 4 is measured in two frames only."""
 
@@ -236,12 +233,12 @@ def test_a_structure_that_few_frames_measured_is_doubted() -> None:
 
     structures, verdict = judge(mapped(Seldom))
     assert structures["wall"][4].attributes["support"] < 0.2
-    assert [(doubt.kind, doubt.structures) for doubt in verdict.doubts] == [("support", ("post 4",))]
+    assert [(warning.code, warning.subjects) for warning in verdict.warnings] == [("uncertain-element", ("post 4",))]
     assert verdict.grade == "check"
 
 
-@pytest.mark.parametrize(("frames", "doubted"), [(1.0, True), (0.3, False)])
-def test_what_was_seen_in_most_frames_and_not_mapped_is_doubted(frames: float, doubted: bool) -> None:
+@pytest.mark.parametrize(("frames", "warned"), [(1.0, True), (0.3, False)])
+def test_what_was_seen_in_most_frames_and_not_mapped_is_warned_of(frames: float, warned: bool) -> None:
     row = mapped(Wall)
     pixel, covariance = np.zeros((1, 2)), np.eye(2)[None]
     seen = [
@@ -252,23 +249,23 @@ def test_what_was_seen_in_most_frames_and_not_mapped_is_doubted(frames: float, d
     measurements = replace(row.measurements, features={**row.measurements.features, "lamps": seen})
     row = replace(row, request=request, measurements=measurements, structures={**row.structures, "lamps": ()})
     _, verdict = judge(row)
-    what, figure = "nothing is mapped of what frames show", f"{len(seen)} of {made.FRAMES} frames"
-    told = f"{what}: {figure}; look whether all of it is missing: lamps"
-    assert [doubt.line for doubt in verdict.doubts] == [told] * doubted
+    figure = f"nothing mapped, seen in {len(seen)} of {made.FRAMES} frames"
+    expected = [MapWarning("incomplete-map", ("lamps",), figure)]
+    assert [*verdict.warnings] == expected * warned
 
 
-def test_what_a_plugin_the_footage_and_the_solve_doubt_is_kept() -> None:
-    shape, motion = Doubt("shape", "post 1 is odd", ("post 1",)), Doubt("motion", "the camera turns round at 3.0 s")
+def test_what_a_plugin_the_footage_and_the_solve_warn_of_is_kept() -> None:
+    shape, motion = MapWarning("inaccurate-element", ("post 1",)), MapWarning("camera-motion", figure="at 3.0 s")
 
     class Odd(Wall):
         @hookimpl
-        def doubt(self) -> list[Doubt]:
+        def warnings(self) -> list[MapWarning]:
             return [shape]
 
     row = mapped(Odd)
-    row = replace(row, measurements=replace(row.measurements, doubts=(motion,)))
-    reference = Doubt("reference", "the length is contradicted")
-    row = replace(row, solution=replace(row.solution, doubts=(reference,)))
+    row = replace(row, measurements=replace(row.measurements, warnings=(motion,)))
+    reference = MapWarning("reference-conflict", ("length",))
+    row = replace(row, solution=replace(row.solution, warnings=(reference,)))
     assert collect(row).verdict == Verdict((motion, reference, shape), row.solution.unchecked)
 
 
@@ -278,27 +275,60 @@ def lamp(number: int, *x: float) -> Structure:
     return Structure(f"lamp {number}", "lamp", vertices, covariances, tuple("ab"[: len(x)]), np.zeros((0, 2), np.int64))
 
 
-def test_what_is_doubted_beyond_the_ends_is_a_note() -> None:
+def test_nothing_is_warned_of_beyond_the_ends() -> None:
+    """A lamp that is mapped from afar, and one that was only found there, are none of the row's."""
     ends = made.WALL[:, 0].min(), made.WALL[:, 0].max()
-    over, partly = lamp(1, float(np.mean(ends))), lamp(2, ends[1] - 0.1, ends[1] + 0.9)
-    beyond, before = lamp(3, ends[1] + 0.1, ends[1] + 1.1), lamp(4, ends[0] - 1.0)
-    doubts = {one.id: Doubt("shape", f"{one.id} is odd", (one.id,)) for one in (over, partly, beyond, before)}
-    both, whole = Doubt("shape", "a gap", (partly.id, beyond.id)), Doubt("motion", "the camera turns round")
-    structures = {"wall": [post(n) for n in range(len(made.WALL))], "lamps": [over, partly, beyond, before]}
-    kept, notes = without_beyond([*doubts.values(), both, whole], structures, frozenset({"wall"}))
-    assert kept == [doubts["lamp 1"], doubts["lamp 2"], both, whole]
-    assert notes == ["beyond the row's ends: lamp 3 is odd", "beyond the row's ends: lamp 4 is odd"]
-    assert without_beyond([both], structures, frozenset()) == ([both], [])
+    along = {1: float(np.mean(ends)), 2: ends[1] - 0.1, 3: ends[1] + 0.1, 4: ends[0] - 1.5}
+    lamps = [replace(lamp(number, x, x + 1.0), attributes={"probability": 0.5}) for number, x in along.items()]
+    found = [
+        FoundObject(f"lamp {number}", "lamp", np.array([[x, 5.0, 1.0]]), probability)
+        for number, x, probability in ((5, 2.0, 0.3), (6, 2.0, 0.002), (7, 40.0, 0.3))
+    ]
+    row = mapped(Wall)
+    others: LoadedPlugin = loaded_plugin("lamps", made.Wall, made.Config())
+    row = replace(
+        row,
+        request=replace(row.request, plugins=[*row.request.plugins, others]),
+        structures={**row.structures, "lamps": tuple(lamps)},
+        measurements=replace(row.measurements, uncertain=tuple(found)),
+    )
+    warned = [warning.subjects for warning in judge(row)[1].warnings]
+    assert warned == [("lamp 5",), ("lamp 1",), ("lamp 2",)]
 
 
-def test_a_place_beyond_the_ends_where_something_may_be_missing_is_no_doubt() -> None:
-    structures = {"wall": [post(n) for n in range(len(made.WALL))]}
-    within, past = (Doubt("shape", "a lamp may be missing", (), (x, 3.0, 1.0)) for x in (2.0, 40.0))
-    given = Doubt("reference", "the mark contradicts the rest", (), (40.0, 0.0, 0.0))
-    kept, notes = without_beyond([within, past, given], structures, frozenset({"wall"}))
-    assert kept == [within, given]
-    assert notes == ["beyond the row's ends: a lamp may be missing"]
-    assert without_beyond([past], structures, frozenset()) == ([past], [])
+@pytest.mark.parametrize(("probability", "warned"), [(0.995, False), (0.98, True), (0.3, True), (0.005, False)])
+def test_what_may_not_exist_is_warned_of(probability: float, warned: bool) -> None:
+    class Unsure(Wall):
+        @hookimpl
+        def describe(self) -> list[Structure]:
+            first, *others = super().describe()
+            return [replace(first, attributes={"probability": probability}), *others]
+
+    _, verdict = judge(mapped(Unsure))
+    figures = [(warning.subjects, warning.figure) for warning in verdict.warnings]
+    assert figures == [(("post 0",), f"P {probability:.2f}")] * warned
+
+
+@pytest.mark.parametrize(("sigma", "warned"), [(0.03, True), (0.015, False)])
+def test_a_place_that_is_hardly_known_is_warned_of(sigma: float, warned: bool) -> None:
+    class Vague(Wall):
+        @hookimpl
+        def describe(self) -> list[Structure]:
+            first, *others = super().describe()
+            return [replace(first, covariances=np.diag([1e-6, sigma**2, 1e-6])[None]), *others]
+
+    _, verdict = judge(mapped(Vague))
+    expected = [("inaccurate-element", ("post 0",), f"y known to {100 * sigma:.1f} cm")]
+    assert [(one.code, one.subjects, one.figure) for one in verdict.warnings] == expected * warned
+
+
+def test_where_all_are_known_less_well_the_references_say_so() -> None:
+    class Vague(Wall):
+        @hookimpl
+        def describe(self) -> list[Structure]:
+            return [replace(post, covariances=1e-2 * np.eye(3)[None]) for post in super().describe()]
+
+    assert judge(mapped(Vague))[1].grade == "trusted"
 
 
 def test_support_counts_only_frames_that_should_show_it() -> None:
@@ -313,12 +343,12 @@ def test_support_counts_only_frames_that_should_show_it() -> None:
     assert Support(0, 0).share == 1.0
 
 
-def test_a_doubtful_map_ends_with_its_own_exit_code(tmp_path: object) -> None:
+def test_a_checked_map_ends_with_its_own_exit_code(tmp_path: object) -> None:
     row = collect(mapped(Wall))
-    doubtful: RowMap = replace(row, verdict=Verdict((Doubt("shape", "post 1 is odd"),)))
-    run = SiteRun(SiteMap({"A": doubtful}, {}), None, RunLog(rows={}), {}, frozenset())
+    checked: RowMap = replace(row, verdict=Verdict((MapWarning("uncertain-element", ("post 1",)),)))
+    run = SiteRun(SiteMap({"A": checked}, {}), None, RunLog(rows={}), {}, frozenset())
     with pytest.raises(
-        DoubtfulError, match="mapped, but 1 of 1 row must be checked: A; the reasons are above"
+        MustCheckError, match="mapped, but 1 of 1 row must be checked: A; the reasons are above"
     ) as caught:
         run.raise_if_incomplete(made_job())
     assert caught.value.exit_code == 12

@@ -13,8 +13,8 @@ from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
     Distances,
-    Doubt,
     Drawing,
+    MapWarning,
     Measured,
     Score,
     Solid,
@@ -123,7 +123,7 @@ FAULTS: list[tuple[str, Any, str]] = [
     ("relate", [], "0 structures for 1"),
     ("relate", [replace(THING, id="other")], "structure `other` in the place of `thing 1`"),
     ("relate", with_attribute({}), "attribute `size` is a dict"),
-    ("doubt", [Doubt("shape", "it is high", ("thing 2",))], "thing 2"),
+    ("warnings", [MapWarning("uncertain-element", ("thing 2",))], "thing 2"),
     ("survey_entry", SurveyEntry({}, {"thing 2": "who?"}), "`thing 2` is left out, which was not given"),
     ("survey_entry", SurveyEntry({"x": NAN}), "not JSON compliant"),
     ("survey_entry", SurveyEntry({"x": np.zeros(3)}), "not JSON serializable"),

@@ -1,4 +1,4 @@
-"""Rows for the viewer's tests: posts and bars with edges, a text, doubts, solids, a joint covariance, a camera's path."""
+"""Rows for the viewer's tests: posts and bars with edges, a text, warnings, solids, a joint covariance, a camera's path."""
 
 import base64
 import gzip
@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from savmap.types import (
-    Doubt,
     Floats,
     FrameTable,
     JointCovariance,
+    MapWarning,
     Measured,
     Orthophoto,
     Placement,
@@ -64,8 +64,8 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
     poses = np.tile(np.eye(4), (20, 1, 1))
     poses[:, :3, :3] = np.diag([-1.0, -1.0, 1.0])  # the panorama's centre looks out of the face, up is up
     poses[:, 0, 3], poses[:, 1, 3], poses[:, 2, 3] = np.linspace(0, 3, 20), 1.5, 1.6
-    said = None, 11, False, "4 of 20 frames", f"look at bar 2 {EVIL}"
-    doubts = (Doubt("support", "few frames show it", ("bay 1 / bar 2",), *said),)
+    said = f"4 of 20 frames {EVIL}", None, 11
+    warnings = (MapWarning("uncertain-element", ("bay 1 / bar 2",), *said),)
     return RowMap(
         name,
         FrameTable(np.arange(20) / 2, ("pass 1",) * 20),
@@ -73,7 +73,7 @@ def row(name: str = "A", with_joint: bool = True, text: str = "A21-03") -> RowMa
         Trajectory(np.arange(20), poses),
         {"things": shapes, "spots": (point,)},
         (),
-        verdict=Verdict(doubts, ("nothing checks the length",)),
+        verdict=Verdict(warnings, ("nothing checks the length",)),
         joint=joint(shapes) if with_joint else None,
     )
 

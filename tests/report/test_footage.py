@@ -9,8 +9,8 @@ import numpy as np
 
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.report.page import Report, page_text
-from savmap.report.page.footage import DOUBTED, HEIGHT_PX, SHOWN, WIDTH_PX, footage_views, looking_at
-from savmap.types import Doubt, Floats, FrameTable, RowMap, SiteMap, Still, Structure, Trajectory, Verdict
+from savmap.report.page.footage import HEIGHT_PX, SHOWN, WARNED, WIDTH_PX, footage_views, looking_at
+from savmap.types import Floats, FrameTable, MapWarning, RowMap, SiteMap, Still, Structure, Trajectory, Verdict
 
 HEIGHT = 512
 BAR = np.array([[-1.0, 2, 0], [1, 2, 0]])
@@ -50,12 +50,12 @@ def picture(uri: str) -> np.ndarray:
 
 def reddish(seen: np.ndarray) -> np.ndarray:
     """Where the marked line is."""
-    return seen[..., 0].astype(int) - seen[..., 2] > (DOUBTED[0] - DOUBTED[2]) / 3
+    return seen[..., 0].astype(int) - seen[..., 2] > (WARNED[0] - WARNED[2]) / 3
 
 
-def test_doubt_is_shown_in_the_nearest_frame_with_its_structure_marked() -> None:
-    (view, weakest) = footage_views(row(Verdict((Doubt("shape", "post is too thin", ("post",)),))), STILLS)
-    assert (view.what, view.place) == ("post is too thin", "there, 1.5 s, frame 1")
+def test_warning_is_shown_in_the_nearest_frame_with_its_structure_marked() -> None:
+    (view, weakest) = footage_views(row(Verdict((MapWarning("uncertain-element", ("post",)),))), STILLS)
+    assert (view.what, view.place) == (MapWarning("uncertain-element", ("post",)).line, "there, 1.5 s, frame 1")
     assert weakest.what == "bar: supported by 90% of the frames"
     seen = picture(view.picture)
     assert seen.shape == (HEIGHT_PX, WIDTH_PX, 3)
@@ -74,7 +74,7 @@ def test_picture_shows_the_panorama_that_way() -> None:
     u, v = panorama_pixels_from_rays(FACING.T @ (spot - [0, 2, 2]), HEIGHT)
     cv2.circle(panorama, (round(float(u)), round(float(v))), 3, (255, 255, 255), -1)
     made = Still(0, cv2.imencode(".png", panorama)[1].ravel())
-    plain = row(Verdict((Doubt("motion", "look here", (), (0.4, 2.3, 0.0)),)))
+    plain = row(Verdict((MapWarning("camera-motion", place=(0.4, 2.3, 0.0)),)))
     (view, *_) = footage_views(replace(plain, structures={"things": ()}), (made,))
     rows, columns = np.nonzero(picture(view.picture).sum(axis=2) > 380)
     assert (abs(columns.mean() - (WIDTH_PX - 1) / 2), abs(rows.mean() - (HEIGHT_PX - 1) / 2)) < (2, 2)
@@ -85,15 +85,15 @@ def test_trusted_rows_show_their_weakest_structures() -> None:
     assert [view.what.partition(":")[0] for view in views] == ["post", "bar"]
     shown = reddish(picture(views[1].picture))
     assert shown.sum() > 50
-    assert tuple(SHOWN) != tuple(DOUBTED)
+    assert tuple(SHOWN) != tuple(WARNED)
 
 
 def test_equal_ids_of_two_plugins_are_both_marked() -> None:
-    made = row(Verdict((Doubt("shape", "post is too thin", ("post",)),)))
+    made = row(Verdict((MapWarning("uncertain-element", ("post",)),)))
     twin = structure("post", BAR - np.array([1.0, 0, 0]), 0.9)
     made = replace(made, structures={"others": (twin,), **made.structures})
     (view, weakest) = footage_views(made, STILLS)
-    assert view.what == "post is too thin"
+    assert view.what == MapWarning("uncertain-element", ("post",)).line
     assert view.place == "there, 0.0 s, frame 0", "the nearest to the middle of both"
     assert weakest.what == "bar: supported by 90% of the frames"
 
@@ -119,7 +119,7 @@ def test_view_straight_up_has_axes() -> None:
 
 
 def test_page_shows_footage_and_escapes_what_it_is_about() -> None:
-    verdict = Verdict((Doubt("shape", 'post "<b>" is thin', ("post",)),))
+    verdict = Verdict((MapWarning("uncertain-element", ("post",)),))
     site = SiteMap({"A": row(verdict)}, {})
     page = page_text(Report(site, {"A": ()}, stills={"A": STILLS}))
     assert len(re.findall(r'<img src="data:image/jpeg', page)) == 2

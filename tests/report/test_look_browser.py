@@ -10,10 +10,10 @@ from made_up_map import photo, places, row, site, stills, thing
 from opened_page import HERE, IN_BROWSER, Open, selected, until
 
 from savmap.report.viewer import View
-from savmap.types import Doubt, JointCovariance, SiteMap, Verdict
+from savmap.types import JointCovariance, MapWarning, SiteMap, Verdict
 
 pytestmark = IN_BROWSER
-WRONG = Doubt("reference", "A given length contradicts the map")
+WRONG = MapWarning("reference-conflict", ("length",))
 COLOURS = """(mode) => { savmapViewer.setMode(mode);
     return Object.fromEntries(savmapViewer.site.elements.map((one) => [one.key, savmapViewer.model.colourOf(one)])); }"""
 CONTRAST = """(theme) => {
@@ -45,15 +45,15 @@ def test_banner_leads_to_the_row_that_must_be_checked(opened: Open) -> None:
     assert page.inner_text("#banner") == "1 of 3 rows must be checked: C"
     assert page.evaluate("savmapViewer.row.name") == "C"
     page.select_option("#row", "0")
-    assert page.inner_text("#h-doubts") == "Warnings of row A"
-    assert "Nothing speaks against this row" in page.inner_text("#doubts")
+    assert page.inner_text("#h-warnings") == "Warnings of row A"
+    assert "Nothing speaks against this row" in page.inner_text("#warnings")
     page.click("#banner")
     assert page.evaluate("savmapViewer.row.name") == "C"
-    assert page.evaluate("document.activeElement.closest('#doubts') !== null")
+    assert page.evaluate("document.activeElement.closest('#warnings') !== null")
     top = "document.getElementById('{0}').getBoundingClientRect().top"
     assert page.evaluate("document.body.scrollTop") == 0
-    assert page.evaluate(f"{top.format('doubted')} - {top.format('side')}") > -1
-    assert page.inner_text("#doubts strong") == "A given length contradicts the map"
+    assert page.evaluate(f"{top.format('warned')} - {top.format('side')}") > -1
+    assert page.inner_text("#warnings strong") == "a reference contradicts the rest"
 
 
 def test_no_banner_where_nothing_must_be_checked(opened: Open) -> None:
@@ -67,36 +67,36 @@ def test_warning_of_a_row_paints_and_tells_every_element(opened: Open) -> None:
     colours = page.evaluate(COLOURS, "verdict")
     assert len({colour for key, colour in colours.items() if key.startswith("C/")}) == 1
     assert colours["C/post 1"] not in {colours["A/post 1"], colours["B/post 1"]}
-    assert "A given length contradicts the map" in page.inner_text("#selection .doubts")
+    assert "a reference contradicts the rest" in page.inner_text("#selection .warnings")
     assert page.inner_text("#selection .tag") == "row"
     page.evaluate("savmapViewer.selection.openAddress('A/post 2')")
-    assert page.locator("#selection .doubts").count() == 0
+    assert page.locator("#selection .warnings").count() == 0
 
 
 def test_warning_of_an_element_stands_out_from_the_rows(opened: Open) -> None:
-    own = Doubt("support", "Few frames show it", ("post 1",))
+    own = MapWarning("uncertain-element", ("post 1",))
     page = opened(View(SiteMap({"A": replace(row(), verdict=Verdict((WRONG, own)))}, {})), "#A/post 1")
     colours = page.evaluate(COLOURS, "verdict")
     assert len({colours["A/post 1"], colours["A/post 2"]}) == 2
-    assert page.locator("#selection .doubts li").count() == 2
+    assert page.locator("#selection .warnings li").count() == 2
     assert page.locator("#selection .tag").count() == 1
 
 
 def test_warning_folds_its_details(opened: Open) -> None:
     page = opened(View(judged("C")))
-    page.evaluate("""() => { Object.assign(savmapViewer.row.doubts[0], {figure: "0.50 m", action: "Measure it again", details: ["167 sigma"]});
+    page.evaluate("""() => { Object.assign(savmapViewer.row.warnings[0], {figure: "0.50 m", action: "Measure it again", details: ["167 sigma"]});
         savmapViewer.setRow(savmapViewer.row); }""")
-    said = page.inner_text("#doubts")
+    said = page.inner_text("#warnings")
     assert "0.50 m" in said
     assert "Measure it again" in said
     assert "167 sigma" not in said
-    page.click("#doubts summary")
-    assert "167 sigma" in page.inner_text("#doubts")
+    page.click("#warnings summary")
+    assert "167 sigma" in page.inner_text("#warnings")
 
 
 def test_prints_one_page(opened: Open) -> None:
-    doubts = tuple(Doubt("support", f"Few frames show post {k}", ("post 1",)) for k in range(30))
-    many = replace(row(), verdict=Verdict(doubts, ("nothing checks the length",)))
+    warnings = tuple(MapWarning("uncertain-element", ("post 1",)) for k in range(30))
+    many = replace(row(), verdict=Verdict(warnings, ("nothing checks the length",)))
     view = View(SiteMap({"A": many}, {}), title="Hall 1", photos={"A": photo()}, stills={"A": stills()})
     page = opened(view, "#A/bay 1", width=800, first=True)
     for size, landscape in (("A4", False), ("A4", True), ("Letter", False), ("Letter", True)):

@@ -19,7 +19,7 @@ from test_viewer import status
 import savmap
 from savmap.maps.map_file import write_map
 from savmap.report.viewer import notebook
-from savmap.types import Doubt, Drawing, RowMap, SiteMap, Verdict
+from savmap.types import Drawing, MapWarning, RowMap, SiteMap, Verdict
 
 
 @pytest.fixture(autouse=True)
@@ -41,8 +41,8 @@ def shown(site: SiteMap) -> Element:
 
 
 def test_map_shows_its_rows_with_their_faces() -> None:
-    doubtful = replace(row("B"), verdict=Verdict((Doubt("shape", "odd", ("post 1",)),)))
-    found = shown(SiteMap({"A": replace(row("A"), verdict=Verdict()), "B": doubtful}, {}, {"C": "no video"}))
+    warned = replace(row("B"), verdict=Verdict((MapWarning("uncertain-element", ("post 1",)),)))
+    found = shown(SiteMap({"A": replace(row("A"), verdict=Verdict()), "B": warned}, {}, {"C": "no video"}))
     assert found.one("strong").text == "1 of 3 rows could not be mapped: C; 1 of 3 rows must be checked: B"
     cells = [[cell.text for cell in line.all("th") + line.all("td")] for line in found.one("tbody").all("tr")]
     assert cells[0] == ["C", "failed", "\u2013", "\u2013", "\u2013", "no video"]

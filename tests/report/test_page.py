@@ -15,7 +15,7 @@ from parsed_page import Element, parsed
 from savmap.errors import OutputError, visible
 from savmap.report.numbers import NOTHING
 from savmap.report.page import Report, page_text, write_page
-from savmap.types import Doubt, Placement, ReferenceUse, SiteMap, Verdict
+from savmap.types import MapWarning, Placement, ReferenceUse, SiteMap, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -74,22 +74,21 @@ def test_every_row_has_its_section_and_those_that_failed_come_first(page: Elemen
     ]
 
 
-def test_doubts_are_told_with_their_row() -> None:
-    trusted, doubtful = row("A1"), row("A2")
-    said = "2 m <off>", "look at it: bar 1", ("more of it",)
-    odd = Doubt("shape", "a bar is <odd>", ("bay 1 / bar 1",), None, None, False, *said)
-    doubts = (odd, Doubt("motion", "the camera turns"))
-    rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(doubtful, verdict=Verdict(doubts))}
+def test_warnings_are_told_with_their_row() -> None:
+    trusted, warned = row("A1"), row("A2")
+    odd = MapWarning("inaccurate-element", ("bay 1 / bar 1",), "2 m <off>", details=("more of it",))
+    warnings = (odd, MapWarning("camera-motion"))
+    rows = {"A1": replace(trusted, verdict=Verdict()), "A2": replace(warned, verdict=Verdict(warnings))}
     page = parsed(page_text(Report(SiteMap(rows, {}), {name: drawings(own) for name, own in rows.items()})))
     first, second = page.all("article")
     assert [own.text for own in first.all("span", "badge")] == ["mapped", "trusted"]
     assert [own.text for own in second.all("span", "badge")] == ["mapped", "check"]
-    assert [own.text for own in second.one("ul", "doubts").all("li")] == [
-        "a bar is <odd>: 2 m <off>look at it: bar 1Detailsmore of it",
-        "the camera turns",
+    assert [own.text for own in second.one("ul", "warnings").all("li")] == [
+        f"{odd.headline}: 2 m <off> inaccurate-element{odd.action}Detailsmore of it",
+        f"{warnings[1].headline} camera-motion{warnings[1].action}",
     ]
     assert page.one("p", "banner").text == "1 of 2 rows must be checked: A2"
-    assert second.one("p", "remark").text == "to be checked: 2 doubts"
+    assert second.one("p", "remark").text == "to be checked: 2 warnings"
     assert "1 / 1" in page.one("dl", "tiles").text
 
 

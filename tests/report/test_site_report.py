@@ -18,7 +18,7 @@ from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.page import page_text
 from savmap.report.site_report import drawings_of, plugins_of_map, report_for, viewed, write_report
-from savmap.types import Doubt, Drawing, FrameTable, RowMap, Score, SiteMap, Structure, Survey, Trajectory, Verdict
+from savmap.types import Drawing, FrameTable, MapWarning, RowMap, Score, SiteMap, Structure, Survey, Trajectory, Verdict
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}
 
@@ -82,10 +82,10 @@ class AskedPlugin:
         return (Drawing("point", structures[0].vertices, "off", "structure", "things"),)
 
 
-def test_what_the_verdict_doubts_is_drawn_as_doubted(site: SiteMap) -> None:
-    row = replace(site.rows["A"], verdict=Verdict((Doubt("shape", "odd", ("upright 2", "light 1")),)))
+def test_what_the_verdict_warnings_is_drawn_as_warned(site: SiteMap) -> None:
+    row = replace(site.rows["A"], verdict=Verdict((MapWarning("uncertain-element", ("upright 2", "light 1")),)))
     drawn = drawings_of(row, plugins_of_map(site)["A"], None, {})
-    assert {one.name for one in drawn if one.role == "doubted"} == {"upright 2", "light 1"}
+    assert {one.name for one in drawn if one.role == "warned"} == {"upright 2", "light 1"}
     assert {one.name for one in drawn if one.role == "mapped"} == {"upright 1"}
 
 

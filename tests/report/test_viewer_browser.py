@@ -13,7 +13,7 @@ from opened_page import HERE, IN_BROWSER, Open, selected, until
 from savmap.maps.distance import vertex_distance
 from savmap.report.viewer import View
 from savmap.report.viewer import page as page_module
-from savmap.types import Doubt, SiteMap, Trajectory, Verdict
+from savmap.types import MapWarning, SiteMap, Trajectory, Verdict
 
 pytestmark = IN_BROWSER
 
@@ -306,13 +306,13 @@ def test_click_on_the_path_shows_the_panorama_from_there(opened: Open) -> None:
     assert [round(value, 6) for value in ahead[1]] == [0, 1, 0]
 
 
-def test_doubts_lead_to_what_they_name(opened: Open) -> None:
+def test_warnings_lead_to_what_they_name(opened: Open) -> None:
     page = opened(one_row())
     assert page.input_value("#mode") == "verdict"
-    assert "nothing checks the length" not in page.inner_text("#doubts")
-    page.click("#doubts summary")
-    assert "nothing checks the length" in page.inner_text("#doubts")
-    page.locator("#doubts button").click()
+    assert "nothing checks the length" not in page.inner_text("#warnings")
+    page.click("#warnings summary")
+    assert "nothing checks the length" in page.inner_text("#warnings")
+    page.locator("#warnings button").click()
     assert selected(page) == "bay 1 / bar 2"
 
 
@@ -327,18 +327,16 @@ def test_keys_and_help(opened: Open) -> None:
     assert selected(page) == "post 1"
 
 
-def test_doubts_are_those_of_row_and_plugin(opened: Open) -> None:
-    """Ids repeat between rows, and between plugins: a doubt is about what lies at its place."""
-    doubt = Doubt("support", "few frames show it", ("post 1",), (1.05, 2.5, 0.0))
+def test_warnings_are_those_of_row_and_plugin(opened: Open) -> None:
+    """Ids repeat between rows, and between plugins: a warning is about what lies at its place."""
+    warning = MapWarning("uncertain-element", ("post 1",), "", (1.05, 2.5, 0.0))
     namesake = thing("post 1", "other", (1, 0), (1.1, 5))
-    doubted = replace(row(), structures={**row().structures, "others": (namesake,)}, verdict=Verdict((doubt,)))
-    clear = replace(doubted, name="B", verdict=Verdict())
-    page = opened(View(SiteMap({"A": doubted, "B": clear}, {})))
-    named = (
-        "savmapViewer.site.rows.map((row) => row.elements.filter((one) => row.doubtful.has(one)).map((one) => one.key))"
-    )
+    warned = replace(row(), structures={**row().structures, "others": (namesake,)}, verdict=Verdict((warning,)))
+    clear = replace(warned, name="B", verdict=Verdict())
+    page = opened(View(SiteMap({"A": warned, "B": clear}, {})))
+    named = "savmapViewer.site.rows.map((row) => row.elements.filter((one) => row.warnedElements.has(one)).map((one) => one.key))"
     assert page.evaluate(named) == [["A/others/post 1"], []]
-    page.locator("#doubts button").click()
+    page.locator("#warnings button").click()
     assert page.evaluate("savmapViewer.selection.elements.map((one) => one.key)") == ["A/others/post 1"]
 
 

@@ -69,9 +69,9 @@ def flat(panorama: Image) -> Image:
 
 def kind(change: Callable[[Image], Image]) -> tuple[str, list[str]]:
     pictures = [change(corridor(seed)).clip(0, 255).astype(np.uint8) for seed in range(5)]
-    found, doubts = kind_of([Panorama(0, 0.0, np.dstack([picture] * 3)) for picture in pictures])
-    assert {doubt.kind for doubt in doubts} <= {"camera"}
-    return found, [doubt.headline for doubt in doubts]
+    found, warnings = kind_of([Panorama(0, 0.0, np.dstack([picture] * 3)) for picture in pictures])
+    assert {warning.code for warning in warnings} <= {"bad-panorama"}
+    return found, [line for warning in warnings for line in warning.details]
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_part_of_a_panorama_is_refused() -> None:
     assert "edges do not meet: it seems to be a part of a panorama" in kind(part)[0]
 
 
-def test_edges_that_hardly_meet_are_doubted() -> None:
-    found, doubts = kind(lambda panorama: 0.7 * part(panorama) + 0.3 * panorama)
+def test_edges_that_hardly_meet_are_warned_of() -> None:
+    found, warnings = kind(lambda panorama: 0.7 * part(panorama) + 0.3 * panorama)
     assert not found
-    assert doubts == ["the pictures' side edges do not meet"]
+    assert warnings == ["the pictures' side edges do not meet"]

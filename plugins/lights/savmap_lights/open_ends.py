@@ -6,11 +6,20 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Floats, Solid, Structure, Track
-from savmap_lights.doubts import LIGHT_BEFORE, LIGHT_BEYOND, LIGHT_OFTEN, SIDES, SIDES_NOT_SEEN, UNKNOWN_M
-from savmap_lights.tracking import BEFORE, BEYOND, BY_MASK, OFTEN, SEEN_TO
+from savmap_lights.tracking import BY_MASK, SEEN_TO
 
 FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
 ENOUGH = 0.6
+UNKNOWN_M = 1000.0
+"""The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""
+SIDES, SIDES_NOT_SEEN = "sides", "not seen"
+"""The attribute of a compact lamp, and its value where the brightness falls around it in at most a quarter of the
+frames."""
+
+
+def is_whole(lamp: Structure) -> bool:
+    """Whether all of a lamp's ends were seen."""
+    return bool((np.diagonal(lamp.covariances, axis1=1, axis2=2) < (UNKNOWN_M / 2) ** 2).all())
 
 
 def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
@@ -19,15 +28,6 @@ def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[
     seen_to = _by_lamp(tracks, SEEN_TO)
     length = common_length([lamp for lamp in lamps if len(lamp.vertices) == 2])
     return [_opened(lamp, seen_to[lamp.id], length, lamps) if lamp.id in seen_to else lamp for lamp in lamps]
-
-
-def with_light_beyond(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps, with attributes: x, m, of light between a lamp and the next one, or before the first, that no lamp
-    explains, and how often that between was seen for each time that the lamps on either side of it were."""
-    often = {lamp: round(10 * share, 2) for lamp, share in _by_lamp(tracks, OFTEN).items()}
-    values = {LIGHT_BEFORE: _by_lamp(tracks, BEFORE), LIGHT_BEYOND: _by_lamp(tracks, BEYOND), LIGHT_OFTEN: often}
-    said = {lamp.id: {name: x[lamp.id] for name, x in values.items() if lamp.id in x} for lamp in lamps}
-    return [replace(lamp, attributes={**lamp.attributes, **said[lamp.id]}) for lamp in lamps]
 
 
 def with_unseen_sides(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:

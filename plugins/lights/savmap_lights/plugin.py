@@ -9,9 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
-from savmap_lights.doubts import doubts_of, is_whole
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import with_light_beyond, with_open_ends, with_solids, with_unseen_sides
+from savmap_lights.open_ends import is_whole, with_open_ends, with_solids, with_unseen_sides
 from savmap_lights.scores import centre_of, score_lamps
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
@@ -112,15 +111,10 @@ class Lights:
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
         """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one
-        end in sight, the other is as far as it was seen, and not known along x. Light beyond a lamp that none explains
-        is in its attributes. The space that a lamp fills has an assumed width and height."""
+        end in sight, the other is as far as it was seen, and not known along x. The space that a lamp fills has an
+        assumed width and height."""
         lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
-        return with_unseen_sides(with_light_beyond(with_solids(lamps), tracks), tracks)
-
-    @hookimpl
-    def doubt(self, structures: Sequence[Structure]) -> list[door.Doubt]:
-        """Heights, lengths and gaps that do not fit the other lamps."""
-        return doubts_of(structures)
+        return with_unseen_sides(with_solids(lamps), tracks)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

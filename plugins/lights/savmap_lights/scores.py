@@ -7,7 +7,7 @@ import numpy as np
 
 import savmap.plugin as door
 from savmap.plugin import Bools, Floats, Structure, SurveyEntry
-from savmap_lights.doubts import is_whole
+from savmap_lights.open_ends import is_whole
 
 GATE_M = 1.0
 SAME_LINE_M = 0.75

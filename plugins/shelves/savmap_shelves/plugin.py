@@ -14,12 +14,12 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Doubt,
     Expected,
     Feature,
     FlatParts,
     Floats,
     JointCovariance,
+    MapWarning,
     Panorama,
     PlaneEvidence,
     PlanePatch,
@@ -125,10 +125,10 @@ class Shelves:
         return describe(tracks, solution, plugin=self.name, depth_m=self.config.depth_m)
 
     @hookimpl
-    def doubt(self, structures: Sequence[Structure]) -> list[Doubt]:
-        from savmap_shelves.doubts import doubts_of
+    def warnings(self, structures: Sequence[Structure]) -> list[MapWarning]:
+        from savmap_shelves.scale import implausible_scale
 
-        return doubts_of(structures, self.config.lowest_beam_bottom_height_m is not None)
+        return list(implausible_scale(structures))
 
     @hookimpl
     def openings(self, structures: Sequence[Structure]) -> list[Structure]:

@@ -16,7 +16,7 @@ from savmap.graph.constraints import Relation
 from savmap.graph.initial.gaps import where_frames_are_missing
 from savmap.graph.initial.observability import IDENTITY, Similarity, equation, fit
 from savmap.graph.problem import Problem
-from savmap.types import Doubt, Floats
+from savmap.types import Floats, MapWarning
 
 START_SIGMA_M = 0.05
 REFUTED_SIGMA, REFUTED_M = 5.0, 0.25
@@ -47,12 +47,12 @@ def line_of(relation: Relation, otherwise: float) -> str:
     return f"{relation.presumed or relation.note_if_outlier} (what was found instead is at {otherwise:.2f} m)"
 
 
-def not_seen(relation: Relation, otherwise: float, place: tuple[float, float, float] | None = None) -> Doubt:
-    """The doubt about such a reference."""
+def not_seen(relation: Relation, otherwise: float, place: tuple[float, float, float] | None = None) -> MapWarning:
+    """The warning about such a reference."""
     figure = f"found at {otherwise:.2f} m, given {relation.value:.2f} m"
-    action = f"look what was mapped instead: {relation.name}"
-    line = line_of(relation, otherwise)
-    return Doubt("reference", "a reference's landmark was not seen", (), place, None, False, figure, action, (line,))
+    off = abs(otherwise - relation.value)
+    details = (line_of(relation, otherwise),)
+    return MapWarning("reference-conflict", (relation.name,), figure, place, details=details, size=off)
 
 
 def contradiction(problem: Problem, what: str) -> SolveError:

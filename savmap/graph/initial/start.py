@@ -15,7 +15,7 @@ from savmap.graph.initial.outlier_references import (
     without_outliers,
 )
 from savmap.graph.problem import Estimate, Problem, first_poses
-from savmap.types import Doubt, Floats, RowFacts, Trajectory
+from savmap.types import Floats, MapWarning, RowFacts, Trajectory
 
 
 def published_start(
@@ -73,10 +73,9 @@ class Start:
         return tuple(line_of(*outlier) for outlier in self.refuted)
 
     @property
-    def doubts(self) -> tuple[Doubt, ...]:
+    def warnings(self) -> tuple[MapWarning, ...]:
         """What speaks against the alternatives."""
-        what, action = "only a part of the row was found", "check that the footage shows no more"
-        return tuple(Doubt("support", what, action=action, details=(note,)) for note in self.notes)
+        return tuple(MapWarning("incomplete-map", details=(note,)) for note in self.notes)
 
 
 def starts(problem: Problem, kind: str) -> list[Start]:

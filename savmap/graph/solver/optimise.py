@@ -36,7 +36,7 @@ from savmap.graph.solver.judgement.soft_references import softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, minimum
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
-from savmap.types import Bools, Doubt, Floats, Ints, Trajectory
+from savmap.types import Bools, Floats, Ints, MapWarning, Trajectory
 
 SETTLED = 1e-4
 SETTLED_BIAS = 0.1
@@ -76,8 +76,8 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit,
-    and how errors persist; `notes` for the user and `doubts` from before it, references that something else than their
-    landmark was seen for, and the residuals' scale of the first round."""
+    and how errors persist; `notes` for the user and `warnings` from before it, references that something else than
+    their landmark was seen for, and the residuals' scale of the first round."""
 
     problem: Problem
     bias: Floats
@@ -99,10 +99,10 @@ class Iterate:
         that."""
         return np.asarray(HUBER / np.sqrt(self.persistence.solved))
 
-    def doubted(self, doubt: Doubt) -> "Iterate":
+    def warned(self, warning: MapWarning) -> "Iterate":
         """With something more that speaks against it."""
         judgement = self.judgement or Judgement(self.problem)
-        return replace(self, judgement=replace(judgement, doubts=(*judgement.doubts, doubt)))
+        return replace(self, judgement=replace(judgement, warnings=(*judgement.warnings, warning)))
 
     @property
     def reported(self) -> "Iterate":
@@ -163,8 +163,8 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
     numbers = ", ".join(map(str, astray.tolist()))
     left = without_frames(problem, astray)
     if left is problem:
-        what, action = "a frame was solved far from its neighbours", f"look at what was seen in frame: {numbers}"
-        return iterate.doubted(Doubt("motion", what, frame=int(astray[0]), action=action))
+        line = f"solved far from the frames before and after: frame {numbers}"
+        return iterate.warned(MapWarning("camera-motion", frame=int(astray[0]), details=(line,)))
     again = _converged(left, chosen)
     note = f"frame {numbers} is left out: too little was seen in it to tell where the camera was"
     return replace(again, notes=(*again.notes, note))
@@ -178,7 +178,7 @@ def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
         raise SolveError(f"row {problem.camera.facts.name}: no measurement fits the solution")
     judgement = replace(judgement, given=begin.given)
     last = replace(last, notes=(*begin.notes, *judgement.notes), judgement=judgement)
-    return reduce(Iterate.doubted, begin.doubts, last)
+    return reduce(Iterate.warned, begin.warnings, last)
 
 
 def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, Iterate | None]:
@@ -192,8 +192,8 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not options.judge and max(misfits.values(), default=0.0) < FAR_OFF_M:
         return roughly
     if similarity.scale <= 0:
-        doubts = tuple(not_seen(*outlier) for outlier in begin.refuted)
-        return Judgement(begin.problem, doubts=doubts), estimate, None
+        warnings = tuple(not_seen(*outlier) for outlier in begin.refuted)
+        return Judgement(begin.problem, warnings=warnings), estimate, None
     if not misfits:
         return roughly
     soft = softened(given, misfits)
@@ -225,14 +225,16 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
             problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, excluded
         )
     except UnknownScaleError as error:
-        doubts = "; ".join(doubt.line for doubt in judgement.doubts if doubt.kind == "reference")
+        warnings = "; ".join(warning.line for warning in judgement.warnings if warning.code == "reference-conflict")
         row = problem.camera.facts.name
         if misfit := _misfit(iterate):
-            raise SolveError(f"row {row}: {misfit}{doubts and '; '}{doubts}") from None
-        raise SolveError(f"row {row}: {doubts}; what is left does not give the scale") if doubts else error from None
+            raise SolveError(f"row {row}: {misfit}{warnings and '; '}{warnings}") from None
+        raise (
+            SolveError(f"row {row}: {warnings}; what is left does not give the scale") if warnings else error
+        ) from None
     uses = tuple(reference_uses(judgement.given or problem, problem, estimate))
-    every = (*solution.doubts, *judgement.doubts)
-    return replace(solution, references=uses, doubts=every, unchecked=judgement.unchecked)
+    every = (*solution.warnings, *judgement.warnings)
+    return replace(solution, references=uses, warnings=every, unchecked=judgement.unchecked)
 
 
 def _misfit(iterate: Iterate) -> str:

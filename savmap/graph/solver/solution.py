@@ -12,7 +12,6 @@ from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.reference_tests import (
-    CONTRADICTED,
     GROSS_SIGMA,
     ReferenceTest,
     off_by,
@@ -20,7 +19,7 @@ from savmap.graph.solver.judgement.reference_tests import (
     refuse_contradiction,
 )
 from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
-from savmap.types import Bools, Doubt, Floats, ReferenceUse, Trajectory
+from savmap.types import Bools, Floats, MapWarning, ReferenceUse, Trajectory
 
 WARN_SIGMA = 3.0
 VAGUE_SCALE = 0.015
@@ -28,7 +27,7 @@ MANY_REJECTED = 0.25
 DRIFT_M = 0.05
 LEAST_DISTANCE_M = 0.01
 MISFIT, NONSENSE = 5.0, 100.0
-"""How many times as far off as they should be measurements are that are doubted, and those that say nothing."""
+"""How many times as far off as they should be measurements are that are warned of, and those that say nothing."""
 LEAST_DEVIATION, LEAST_DISPLACEMENT_M = 4.5, 0.0025
 """Pictures are bent at a seam where the parts of the lens distance deviate from 0 by more than so much, which chance
 does in one row of a thousand, and move the point of view of some ray by more than so much."""
@@ -107,10 +106,10 @@ class LensDistanceError:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Trajectory, landmarks by plugin and name, the references as they were used, and warnings for the user.
+    """Trajectory, landmarks by plugin and name, the references as they were used, and notes for the user.
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the
-    plugins' variables by key (see `Constraints`); `variable_covariance` has their covariances. `doubts`: what speaks
+    plugins' variables by key (see `Constraints`); `variable_covariance` has their covariances. `warnings`: what speaks
     against it. `unchecked`: errors of references that nothing would notice. `halves`: how the landmarks differ between
     odd and even frames. `directional`: by plugin, what is off in the same directions of the camera in all frames.
     `vertical_scale`: by how much elevations are seen too large, and `lens_distance`: how far apart the seam shows the
@@ -120,13 +119,13 @@ class Solution:
     landmarks: Mapping[str, Mapping[str, Landmark]]
     references: tuple[ReferenceUse, ...]
     rejected: tuple[RejectedMeasurement, ...]
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
     report: Mapping[str, float | int | str]
     keys: Mapping[str, Mapping[str, int]]
     covariance: Covariance
     deviations: Mapping[str, float]
     variables: Mapping[int, Variable] = field(default_factory=dict)
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
     unchecked: tuple[str, ...] = ()
     halves: tuple[HalfDifference, ...] = ()
     directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
@@ -164,7 +163,7 @@ def build_solution(
     figures: Mapping[str, float | str],
     excluded: Bools,
 ) -> Solution:
-    """Put the results together; `notes` go before the warnings, `figures` after the report. Measurements that are
+    """Put the results together; `notes` go first, `figures` after the report. Measurements that are
     `excluded` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
     tested, covariance = covariances.tested, covariances.reported
@@ -180,7 +179,7 @@ def build_solution(
         landmarks=_landmarks(problem, estimate, fit, covariance, excluded),
         references=tuple(test.use for test in tests),
         rejected=tuple(_rejected(problem, fit)),
-        warnings=(*notes, *_warnings(tests, share, sigma)),
+        notes=(*notes, *_notes(tests, share, sigma)),
         report={
             "observations": len(fit.kept),
             "rejected": int((~fit.kept).sum()),
@@ -199,22 +198,22 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
-        doubts=(*_misfits(problem, fit, excluded), *_contradicted(tests)),
+        warnings=(*_misfits(problem, fit, excluded), *_contradicted(tests)),
         directional=directional,
     )
 
 
-def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[Doubt]:
-    """A doubt about each reference that the solve contradicts."""
+def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[MapWarning]:
+    """A warning about each reference that the solve contradicts."""
     for test in tests:
         if test.deviation > GROSS_SIGMA:
             off = abs(test.predicted - test.use.value)
-            figure, action = off_by(off, off / test.deviation), f"measure it again: {test.use.name}"
-            yield Doubt("reference", CONTRADICTED, figure=figure, action=action, details=(test.line,))
+            figure = off_by(off, off / test.deviation)
+            yield MapWarning("reference-conflict", (test.use.name,), figure, details=(test.line,), size=off)
 
 
-def _misfits(problem: Problem, fit: Fit, excluded: Bools) -> Iterator[Doubt]:
-    """A doubt about each class of measurements that hardly agree: errors so large or so many are none of measuring.
+def _misfits(problem: Problem, fit: Fit, excluded: Bools) -> Iterator[MapWarning]:
+    """A warning about each class of measurements that hardly agree: errors so large or so many are none of measuring.
     Raises SolveError where they say nothing at all."""
     for number, name in enumerate(problem.measurements.class_names):
         of_class = (problem.measurements.classes == number) & ~excluded
@@ -227,9 +226,7 @@ def _misfits(problem: Problem, fit: Fit, excluded: Bools) -> Iterator[Doubt]:
             )
             if times > NONSENSE:
                 raise SolveError(f"row {problem.camera.facts.name}: {line}: are these whole panoramas, of one aisle?")
-            what, figure = "measurements do not fit together", f"{rejected:.0%} rejected"
-            action = f"check that these are whole panoramas of one aisle: {name}"
-            yield Doubt("residuals", what, figure=figure, action=action, details=(line,))
+            yield MapWarning("bad-panorama", (name,), f"{rejected:.0%} rejected", details=(line,), size=rejected)
 
 
 def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[tuple[str, float]]:
@@ -307,7 +304,7 @@ def scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) ->
     return float((sigma[far] / distance[far]).min()) if far.any() else 0.0
 
 
-def _warnings(tests: list[ReferenceTest], share: float, sigma: float) -> Iterator[str]:
+def _notes(tests: list[ReferenceTest], share: float, sigma: float) -> Iterator[str]:
     if sigma > VAGUE_SCALE:
         yield f"the references give the scale to +-{sigma:.1%} only: a known length would help"
     yield from (test.line for test in tests if test.deviation > WARN_SIGMA)

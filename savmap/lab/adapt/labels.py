@@ -14,7 +14,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.lab.adapt.faces import Face, faces_of, outlines_of
 from savmap.lab.adapt.masks import IGNORE, Bytes, KnownFace, MaskSettings, mask_of
-from savmap.lab.adapt.records import doubted_of
+from savmap.lab.adapt.records import warned_of
 from savmap.lab.adapt.views import SeenView, evenly, poses_of, seen_views, turned, views_of
 from savmap.lab.label.run import picture_name
 from savmap.lab.sim.dataset import write_samples
@@ -79,7 +79,7 @@ def labelled_views(
     rows = {name: row for name, row in site_map.rows.items() if name in job.site.rows and row.structures.get(plugin)}
     loaded = {name: job.opened(name, plugin) for name in rows}
     outlines = {
-        name: outlines_of(row.structures[plugin], loaded[name].classes, doubted_of(row)) for name, row in rows.items()
+        name: outlines_of(row.structures[plugin], loaded[name].classes, warned_of(row)) for name, row in rows.items()
     }
     candidates = {name: views_of(row, outlines[name]) for name, row in rows.items()}
     total, pattern = sum(map(len, candidates.values())), cycle(PATTERN)

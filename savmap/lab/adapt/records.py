@@ -58,7 +58,7 @@ class State:
         return sum(structure.label in classes for row in rows for structure in row.structures.get(plugin, ()))
 
     def sound(self, plugin: str, classes: Sequence[str]) -> int:
-        """How many of these no doubt of their row's verdict names."""
+        """How many of these no warning of their row's verdict names."""
         return sum(_sound(row, plugin, classes) for row in self.site_map.rows.values())
 
     @property
@@ -68,15 +68,15 @@ class State:
 
 
 def _sound(row: RowMap, plugin: str, classes: Sequence[str]) -> int:
-    doubted = doubted_of(row)
+    warned = warned_of(row)
     return sum(
-        structure.label in classes and structure.id not in doubted for structure in row.structures.get(plugin, ())
+        structure.label in classes and structure.id not in warned for structure in row.structures.get(plugin, ())
     )
 
 
-def doubted_of(row: RowMap) -> frozenset[str]:
-    """The ids of the structures that a doubt of a row's verdict names."""
-    return frozenset(name for doubt in (row.verdict.doubts if row.verdict else ()) for name in doubt.structures)
+def warned_of(row: RowMap) -> frozenset[str]:
+    """The ids of the structures that a warning of a row's verdict names."""
+    return frozenset(name for warning in (row.verdict.warnings if row.verdict else ()) for name in warning.subjects)
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,7 @@ FORGOTTEN = 0.005
 """A network that has so much less intersection over union on pictures of other places than the one that the site began
 with is not kept."""
 FEWER = 0.01
-"""A network with which the map has fewer structures that nothing doubts, by more than this share, is not kept. Two
+"""A network with which the map has fewer structures that nothing warns of, by more than this share, is not kept. Two
 equally good maps differ by less."""
 INTEGERS = ".int8.onnx"
 
@@ -243,7 +243,9 @@ def _judged(
     if len(state.site_map.rows) < len(start.site_map.rows):
         return replace(result, structures_after=now, why="fewer rows can be mapped with the new network"), start
     if state.sound(work.plugin, work.classes) < (1 - FEWER) * start.sound(work.plugin, work.classes):
-        return replace(result, structures_after=now, why="the new map has fewer structures that nothing doubts"), start
+        return replace(
+            result, structures_after=now, why="the new map has fewer structures that nothing warns of"
+        ), start
     return replace(result, structures_after=now, kept=True, why="the network agrees better with the map"), state
 
 

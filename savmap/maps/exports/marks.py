@@ -1,5 +1,5 @@
-"""What exports say of structures beside their shape: colours, sigmas, attributes, doubts, and names that are each given
-once."""
+"""What exports say of structures beside their shape: colours, sigmas, attributes, warnings, and names that are each
+given once."""
 
 from collections.abc import Callable, Iterable, Sequence
 from importlib.metadata import version

@@ -32,7 +32,7 @@ COLUMNS = [
     "sigma_z_m",
     "assumed",
     "text",
-    "doubts",
+    "warnings",
 ]
 
 
@@ -40,7 +40,7 @@ def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not
     placed, and their standard deviations, m, the row's axes along which nothing measured it; last what is written on it
     and what speaks against it. Raises OutputError."""
-    stream, doubts = io.StringIO(), site.doubts()
+    stream, warnings = io.StringIO(), site.warnings()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
     for row in site.rows.values():
@@ -50,7 +50,7 @@ def write_csv(site: SiteMap, path: Path) -> None:
                 placed = in_site(structure, site.placements.get(row.name))
                 start = tuple(map(cell, (row.name, frame, plugin, structure.id, structure.label)))
                 text = cell(str(structure.attributes.get("text", "")))
-                against = cell(BETWEEN.join(doubts.get((row.name, structure.id), ())))
+                against = cell(BETWEEN.join(warnings.get((row.name, structure.id), ())))
                 numbers = np.hstack([placed.vertices, sigmas(placed)])
                 axes = assumed_axes(structure, plugin, row.joint)
                 for label, values, assumed in zip(placed.vertex_labels, numbers, axes, strict=True):

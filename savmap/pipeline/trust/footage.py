@@ -7,30 +7,32 @@ from pathlib import Path
 import numpy as np
 
 from savmap.errors import SavmapError, SolveError, StructureError, VideoError
-from savmap.types import Doubt, Floats, Panorama
+from savmap.types import Floats, MapWarning, Panorama
 from savmap.video.camera_kind import kind_of
-from savmap.video.course import Course, contradiction, doubts
+from savmap.video.course import Course, contradiction, warnings
 from savmap.video.motion import Steps
 
 
-def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[Doubt, ...]:
+def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[MapWarning, ...]:
     """What speaks against a pass's pictures. Raises VideoError where they are certainly no panoramas."""
-    other, found = kind_of(keys)
+    other, warnings_found = kind_of(keys)
     if other:
         raise VideoError(f"{path}: {other}")
-    return tuple(replace(doubt, action=f"{doubt.action}: {path.name}") for doubt in found)
+    return tuple(replace(warning, subjects=(path.name,)) for warning in warnings_found)
 
 
-def require_course(name: str, path: Path, steps: Steps, attitude: Floats | None, side: str | None) -> tuple[Doubt, ...]:
+def require_course(
+    name: str, path: Path, steps: Steps, attitude: Floats | None, side: str | None
+) -> tuple[MapWarning, ...]:
     """What speaks against a pass by how the camera went. Raises StructureError where that contradicts what was asked.
 
-    `attitude`: world_from_rig (3, 3) at the start, where it is known; `side`: the hand that the face is on, where that is given.
-    """
+    `attitude`: world_from_rig (3, 3) at the start, where it is known; `side`: the hand that the face is on, where
+    that is given."""
     course = Course(steps, None if attitude is None else _bearing_deg(attitude[0]))
     against = contradiction(course, side)
     if against:
         raise StructureError(f"{path}: {name}: {against}")
-    return tuple(replace(doubt, figure=f"{name}, {doubt.figure}") for doubt in doubts(course))
+    return tuple(replace(warning, figure=f"{name}, {warning.figure}") for warning in warnings(course))
 
 
 def _bearing_deg(direction: Floats) -> float:
@@ -38,8 +40,10 @@ def _bearing_deg(direction: Floats) -> float:
     return float(np.degrees(np.arctan2(direction[0], direction[2])))
 
 
-def with_doubts(error: SavmapError, found: Sequence[Doubt]) -> SavmapError:
+def with_warnings(error: SavmapError, warnings_found: Sequence[MapWarning]) -> SavmapError:
     """An error of tracking or solving, with what speaks against the footage, which may be why."""
-    if not found or type(error) not in (StructureError, SolveError):
+    if not warnings_found or type(error) not in (StructureError, SolveError):
         return error
-    return type(error)(f"{error} (perhaps because of the footage: {'; '.join(doubt.line for doubt in found)})")
+    return type(error)(
+        f"{error} (perhaps because of the footage: {'; '.join(warning.line for warning in warnings_found)})"
+    )

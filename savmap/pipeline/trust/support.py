@@ -30,24 +30,23 @@ def supports(
 ) -> dict[str, Support]:
     """The support of a plugin's structures by their ids, from its tracks.
 
-    A frame should show a structure where its middle is well within a view of the plugin, from no further away than most frames that
-    measured one of its label. A track is of the structure whose id its name begins with.
-    """
+    A frame should show a structure where its middle is well within a view of the plugin, from no further away than
+    most frames that measured one of its label. A track is of the structure whose id its name begins with."""
     views = {name: _rendered(name, path, facts) for name in {name for track in tracks for name in track.views}}
     seen = {structure.id: _frames_of(structure, tracks, path) for structure in structures}
     away = {structure.id: _distances(structure, path) for structure in structures}
-    found: dict[str, Support] = {}
+    supported: dict[str, Support] = {}
     for label in {structure.label for structure in structures}:
         alike = [structure for structure in structures if structure.label == label]
-        distances = np.concatenate([away[own.id][seen[own.id]] for own in alike])
+        distances = np.concatenate([away[structure.id][seen[structure.id]] for structure in alike])
         reach = float(np.quantile(distances, REACH_QUANTILE)) if len(distances) else 0.0
-        for own in alike:
+        for structure in alike:
             shown = np.zeros(len(path.frames), np.bool_)
             for name, rendered in views.items():
-                shown |= rendered & _shows(facts.views[name], own, path)
-            expected = shown & (away[own.id] <= reach)
-            found[own.id] = Support(int(expected.sum()), int((expected & seen[own.id]).sum()))
-    return found
+                shown |= rendered & _shows(facts.views[name], structure, path)
+            expected = shown & (away[structure.id] <= reach)
+            supported[structure.id] = Support(int(expected.sum()), int((expected & seen[structure.id]).sum()))
+    return supported
 
 
 def _rendered(view: str, path: Trajectory, facts: RowFacts) -> Bools:
@@ -60,8 +59,8 @@ def _rendered(view: str, path: Trajectory, facts: RowFacts) -> Bools:
 
 def _frames_of(structure: Structure, tracks: Sequence[Track], path: Trajectory) -> Bools:
     """Which frames of the path (n,) measured a structure."""
-    own = [track.frames for track in tracks if is_of(track.name, structure.id)]
-    return np.isin(path.frames, np.concatenate([np.zeros(0, np.int64), *own]))
+    frames = [track.frames for track in tracks if is_of(track.name, structure.id)]
+    return np.isin(path.frames, np.concatenate([np.zeros(0, np.int64), *frames]))
 
 
 def is_of(track: str, structure: str) -> bool:

@@ -7,53 +7,150 @@ import numpy as np
 
 from savmap.graph import Landmark, Solution
 from savmap.pipeline.records import DescribedRow
-from savmap.pipeline.trust.ends import without_beyond
 from savmap.pipeline.trust.support import Support, is_of, supports
-from savmap.types import Doubt, Floats, Structure, Verdict
+from savmap.types import Floats, FoundObject, MapWarning, Structure, Verdict
+from savmap.video.course import ASTRAY_DEG, TURNED_DEG
+from savmap.video.motion import wrapped
 
+SURE = 0.01
+"""An element exists, or does not, where its probability is so near to 1 or 0."""
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
 DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
 OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
+VAGUE_M, VAGUE = 0.02, 3.0
+"""A place is not known well where a coordinate's standard deviation is larger than `VAGUE_M`, and than `VAGUE` times
+that of most of its label: along a row that one camera height measures, all are known less well, and the references say
+so."""
 MOST_REJECTED, FAR_M = 0.4, 0.01
-"""A structure is doubted where a larger share of its measurements was rejected and is further from it than `FAR_M`. Nearer ones do not count: a structure is
-not wrong by more than they are."""
+"""A structure is inconsistent where a larger share of its measurements was rejected and is further from it than
+`FAR_M`. Nearer ones do not count: a structure is not wrong by more than they are."""
 SCATTERED_M, SCATTERED = 0.02, 4.0
-"""A structure is doubted where the median distance of its measurements is larger than `SCATTERED_M`, and than `SCATTERED` times that of all structures of its
-label: they are then of several things."""
+"""A structure is inconsistent where the median distance of its measurements is larger than `SCATTERED_M`, and than
+`SCATTERED` times that of all structures of its label: they are then of several things."""
 OFTEN_SEEN = 0.5
 OFF_DEG, OFF_SHARE = 0.02, 0.08
-"""What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger share of its squared errors."""
+"""What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger
+share of its squared errors."""
 STRETCHED_SIGMA, STRETCHED = 4.0, 0.002
-"""A vertical scale is doubted that differs from 1 by more than so many standard deviations, and by more than such a share."""
+"""A vertical scale is warned of that differs from 1 by more than so many standard deviations, and by more than such a
+share."""
 AXES = "xyz"
 
 
 def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdict]:
-    """The row's structures by plugin, each with its `support`, and the verdict: what speaks against something beyond the row's ends is a note."""
-    found: dict[str, tuple[Structure, ...]] = {}
-    known = [*_stretched(row.solution), *_bent(row.solution)]
-    doubts = [*row.measurements.doubts, *row.solution.doubts, *(known or _no_panorama(row))]
+    """The row's structures by plugin, each with its `support`, and the verdict. What lies wholly beyond the row's ends
+    is mapped where it was seen, from afar and aslant, but is none of the row's, and speaks against nothing."""
+    mapped: dict[str, tuple[Structure, ...]] = {}
+    bent = [*_stretched(row.solution), *_bent(row.solution)]
+    footage = (warning for warning in row.measurements.warnings if not _is_refuted(warning, row))
+    warnings = [*footage, *row.solution.warnings, *(bent or _no_panorama(row))]
+    of_elements = list(_uncertain_objects(row.measurements.uncertain))
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
-        found[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
+        mapped[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
         solution = row.solution, plugin.name
-        doubts += [*_unmapped(row, plugin.name), *plugin.doubt(structures), *_weak(structures, support)]
-        doubts += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    serious, minor = [one for one in doubts if not one.minor], [one.line for one in doubts if one.minor]
-    kept, beyond = without_beyond(serious, found, row.measurements.locators)
-    notes = (*row.solution.unchecked, *row.notes, *minor, *beyond)
-    return found, Verdict(tuple(dict.fromkeys(kept)), tuple(dict.fromkeys(notes)))
+        warnings += _unmapped(row, plugin.name)
+        of_elements += [*plugin.warnings(structures), *_uncertain(structures, support), *_inaccurate(structures)]
+        of_elements += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
+    beyond = _beyond_ends(row)
+    warnings += [warning for warning in of_elements if not beyond.issuperset(warning.subjects or ("",))]
+    notes = (*row.solution.unchecked, *row.notes)
+    return mapped, Verdict(tuple(dict.fromkeys(warnings)), tuple(dict.fromkeys(notes)))
 
 
 def _with_support(structure: Structure, support: Support) -> Structure:
     return replace(structure, attributes={**structure.attributes, "support": round(support.share, 3)})
 
 
-def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
-    """A doubt where a plugin measured something in most of the frames it looked at, and mapped nothing of it."""
+def _is_refuted(warning: MapWarning, row: DescribedRow) -> bool:
+    """Whether the footage alone seemed to show that the camera turns or leaves the row, and its solved path says that
+    it did neither then: apparent motion adds its errors up, and what was measured of structures does not."""
+    path, passes, frame = row.solution.trajectory, row.measurements.facts.frames.passes, warning.frame
+    if warning.code != "camera-motion" or frame is None or frame not in row.problem.used:
+        return False
+    of_pass = np.array([passes[other] == passes[frame] for other in path.frames.tolist()])
+    at = int(np.flatnonzero(path.frames[of_pass] == frame)[0])
+    poses = path.world_from_rig[of_pass]
+    forward = np.degrees(np.arctan2(poses[:, 0, 2], poses[:, 2, 2]))
+    middle = np.median(wrapped(forward - forward[0])) + forward[0]
+    turned = abs(float(wrapped(forward[at] - middle)))
+    along, _, across = np.abs(poses[min(at + 1, len(poses) - 1), :3, 3] - poses[max(at - 1, 0), :3, 3])
+    return turned < TURNED_DEG and bool(across < np.tan(np.radians(ASTRAY_DEG)) * along)
+
+
+def _beyond_ends(row: DescribedRow) -> frozenset[str]:
+    """The ids of what is wholly beyond the row's ends, along x: those of the face, which the locators find."""
+    face = [part.vertices[:, 0] for name in row.measurements.locators for part in row.structures.get(name, ())]
+    if not face:
+        return frozenset()
+    first, last = np.concatenate(face).min(), np.concatenate(face).max()
+    along = [(part.id, part.vertices[:, 0]) for group in row.structures.values() for part in group]
+    along += [(item.id, item.outline[:, 0]) for item in row.measurements.uncertain]
+    return frozenset(name for name, x in along if x.max() < first or x.min() > last)
+
+
+def _uncertain_objects(objects: Sequence[FoundObject]) -> Iterator[MapWarning]:
+    """A warning about each object that was found, and was not mapped for want of certainty."""
+    for item in objects:
+        if SURE < item.probability < 1 - SURE:
+            x, y, z = item.outline.mean(axis=0).tolist()
+            line = f"not mapped: a {item.label} at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
+            yield _unsure(item.id, item.probability, (x, y, z), line)
+
+
+def _uncertain(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[MapWarning]:
+    """A warning about each structure of which its plugin's model is not sure that it exists; about one of no such model
+    that far fewer frames measured than should have, and than is usual for its label."""
+    for structure in structures:
+        probability = structure.attributes.get("probability")
+        if isinstance(probability, float):
+            if SURE < probability < 1 - SURE:
+                yield _unsure(structure.id, probability, place_of(structure))
+            continue
+        alike = [support[other.id].share for other in structures if other.label == structure.label]
+        frames = support[structure.id]
+        limit = min(LEAST_SUPPORT, LEAST_OF_USUAL * float(np.median(alike)))
+        if frames.expected >= LEAST_EXPECTED and frames.share < limit:
+            figure, size = f"seen in {frames.seen} of {frames.expected} frames", 1 - frames.share
+            yield MapWarning("uncertain-element", (structure.id,), figure, place_of(structure), size=size)
+
+
+def _unsure(name: str, probability: float, place: tuple[float, float, float], *details: str) -> MapWarning:
+    """The nearer to one half, the worse."""
+    figure, size = f"P {probability:.2f}", min(probability, 1 - probability)
+    return MapWarning("uncertain-element", (name,), figure, place, details=details, size=size)
+
+
+def _inaccurate(structures: Sequence[Structure]) -> Iterator[MapWarning]:
+    """A warning about each structure with a coordinate that is known less well than those of most of its label."""
+    sigmas = {structure.id: _sigmas(structure) for structure in structures}
+    for label in dict.fromkeys(structure.label for structure in structures):
+        alike = [structure for structure in structures if structure.label == label]
+        usual = np.median([sigmas[structure.id] for structure in alike], axis=0)
+        for structure in alike:
+            vague = np.where(sigmas[structure.id] > np.maximum(VAGUE_M, VAGUE * usual), sigmas[structure.id], 0.0)
+            if vague.any():
+                worst = int(np.argmax(vague))
+                accuracy = f"known to {100 * vague[worst]:.1f} cm" if vague[worst] < 1 else "not known"
+                figure = f"{AXES[worst]} {accuracy}"
+                yield MapWarning(
+                    "inaccurate-element", (structure.id,), figure, place_of(structure), size=float(vague[worst])
+                )
+
+
+def _sigmas(structure: Structure) -> Floats:
+    """The largest standard deviation (3,), m, of a structure's vertices along each axis, but of what its plugin says
+    that it assumes."""
+    variances = np.diagonal(structure.covariances, axis1=1, axis2=2)
+    measured = np.where(structure.assumed("", None), 0.0, variances)
+    return np.asarray(np.sqrt(measured.max(axis=0)))
+
+
+def _unmapped(row: DescribedRow, plugin: str) -> Iterator[MapWarning]:
+    """A warning where a plugin measured something in most of the frames it looked at, and mapped nothing of it."""
     features, facts = row.measurements.features.get(plugin, ()), row.measurements.facts
     if row.structures.get(plugin) or plugin in row.measurements.locators:
         return
@@ -64,129 +161,103 @@ def _unmapped(row: DescribedRow, plugin: str) -> Iterator[Doubt]:
         for frame, of in enumerate(facts.frames.passes)
     )
     if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
-        figure, action = f"{seen} of {looked} frames", f"look whether all of it is missing: {plugin}"
-        yield Doubt("support", "nothing is mapped of what frames show", figure=figure, action=action)
+        yield MapWarning("incomplete-map", (plugin,), f"nothing mapped, seen in {seen} of {looked} frames")
 
 
-def _stretched(solution: Solution) -> Iterator[Doubt]:
-    """A doubt where the solve with a vertical scale of the panoramas as one more unknown says that this is not 1."""
+def _stretched(solution: Solution) -> Iterator[MapWarning]:
+    """A warning where the solve with a vertical scale of the panoramas as one more unknown says that this is not 1."""
     error = solution.vertical_scale
     if error is None or abs(error.share) < max(STRETCHED, STRETCHED_SIGMA * error.sigma):
         return
     how = "large" if error.share > 0 else "small"
-    yield Doubt(
-        "camera",
-        "the pictures were cropped or stretched",
-        figure=f"elevations {100 * abs(error.share):.2f} ± {100 * error.sigma:.2f} % too {how}",
-        action="export whole panoramas, or set `calibration: {vertical_scale: true}`",
-        details=("heights and distances are wrong by it",),
-    )
+    figure = f"elevations {100 * abs(error.share):.2f} ± {100 * error.sigma:.2f} % too {how}"
+    yield MapWarning("stretched-pictures", figure=figure, details=("heights and distances are wrong by it",))
 
 
-def _bent(solution: Solution) -> Iterator[Doubt]:
-    """A doubt where the solve with the lenses' distance as one more unknown says that the pictures are bent at their seam, which crosses the face."""
+def _bent(solution: Solution) -> Iterator[MapWarning]:
+    """A warning where the solve with the lenses' distance as one more unknown says that the pictures are bent at their
+    seam, which crosses the face."""
     error = solution.lens_distance
     if error is None or not error.significant:
         return
-    yield Doubt(
-        "camera",
-        "the pictures are bent at a seam",
-        figure=f"lenses {100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm apart",
-        action="turn a lens towards the row, or set `calibration: {lens_distance: true}`",
-        details=("the seam crosses the face: heights and distances are wrong by it",),
-    )
+    figure = f"lenses {100 * error.distance_m:.1f} ± {100 * error.sigma_m:.1f} cm apart"
+    yield MapWarning("lens-seam", figure=figure, details=("heights and distances are wrong by it",))
 
 
-def _no_panorama(row: DescribedRow) -> Iterator[Doubt]:
-    """A doubt where what locates the camera, and what another plugin measured, is off in the same directions of the camera in all frames, by angles that
-    are none of measuring; a minor one where it is what locates the camera alone, for that may look different from aslant."""
+def _no_panorama(row: DescribedRow) -> Iterator[MapWarning]:
+    """A warning where what locates the camera, and what another plugin measured, is off in the same directions of the
+    camera in all frames, by angles that are none of measuring. Where it is what locates the camera alone, that may look
+    different from aslant."""
     off = {
         plugin: errors.angle_deg
         for plugin, errors in row.solution.directional.items()
         if errors.angle_deg > OFF_DEG and errors.share > OFF_SHARE
     }
-    located = sorted(off.keys() & row.measurements.locators)
-    if not located:
-        return
-    names, alone = " and ".join(sorted(off)), len(off) == 1
-    line = f"what was measured of {names} is off in the same directions of the camera in all frames"
-    yield Doubt(
-        "camera",
-        "the pictures may be no true panoramas",
-        minor=alone,
-        figure=f"up to {max(off.values()):.2f} degrees off",
-        action="do not crop or stretch pictures, and turn a lens towards the row",
-        details=(line, *(["or it looks different from aslant"] if alone else [])),
-    )
+    if len(off) > 1 and off.keys() & row.measurements.locators:
+        names = " and ".join(sorted(off))
+        line = f"what was measured of {names} is off in the same directions of the camera in all frames"
+        yield MapWarning("bad-panorama", figure=f"up to {max(off.values()):.2f} degrees off", details=(line,))
 
 
-def _weak(structures: Sequence[Structure], support: Mapping[str, Support]) -> Iterator[Doubt]:
-    """A doubt about each structure that far fewer frames measured than should have, and than is usual for its label."""
-    for structure in structures:
-        alike = [support[other.id].share for other in structures if other.label == structure.label]
-        own = support[structure.id]
-        limit = min(LEAST_SUPPORT, LEAST_OF_USUAL * float(np.median(alike)))
-        if own.expected >= LEAST_EXPECTED and own.share < limit:
-            figure, action = f"{own.seen} of {own.expected} frames", f"look whether it is there: {structure.id}"
-            what = "an element was measured in few frames"
-            yield Doubt("support", what, (structure.id,), place_of(structure), figure=figure, action=action)
-
-
-def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
-    """A doubt about each structure with a landmark that odd and even frames put in different places: by more than its uncertainty, or by
-    far more than they do the plugin's other landmarks, for an uncertainty that all of them share hides what one of them has."""
+def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[MapWarning]:
+    """A warning about each structure with a landmark that odd and even frames put in different places: by more than its
+    uncertainty, or by far more than they do the plugin's other landmarks, for an uncertainty that all of them share
+    hides what one of them has."""
     halves = [half for half in solution.halves if half.plugin == plugin]
     if not halves:
         return
-    apart = np.abs([half.difference for half in halves])
+    distances = np.abs([half.difference for half in halves])
     landmarks = solution.landmarks_of(plugin)
     sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
-    strict = np.where(apart > DISAGREE_M, apart / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
-    usual = np.where(apart > OUTLIER_M, apart / (_usual_limit(apart / sigmas) * sigmas), 0.0)
+    strict = np.where(distances > DISAGREE_M, distances / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
+    usual = np.where(distances > OUTLIER_M, distances / (_usual_limit(distances / sigmas) * sigmas), 0.0)
     excess = np.where(sigmas < UNKNOWN_M, np.maximum(strict, usual), 0.0)
     for structure in structures:
-        own = [k for k, half in enumerate(halves) if is_of(half.name, structure.id)]
-        if own and excess[own].max() > 1:
-            worst = own[int(np.argmax(excess[own].max(axis=1)))]
+        parts = [k for k, half in enumerate(halves) if is_of(half.name, structure.id)]
+        if parts and excess[parts].max() > 1:
+            worst = parts[int(np.argmax(excess[parts].max(axis=1)))]
             axis = int(np.argmax(excess[worst]))
-            figure = f"{100 * apart[worst, axis]:.1f} cm apart"
-            action = f"look whether it is one element: {structure.id}"
-            details = (f"{halves[worst].name} along {AXES[axis]}",)
-            said = None, False, figure, action, details
-            what = "odd and even frames put an element apart"
-            yield Doubt("repeatability", what, (structure.id,), place_of(structure), *said)
+            figure, size = f"{100 * distances[worst, axis]:.1f} cm apart", float(distances[worst, axis])
+            details = (f"odd and even frames put {halves[worst].name} apart along {AXES[axis]}",)
+            where = (structure.id,), figure, place_of(structure)
+            yield MapWarning("inconsistent-element", *where, details=details, size=size)
 
 
 def _usual_limit(ratios: Floats) -> Floats:
-    """The largest ratio (3,) of difference to standard deviation, axis by axis, that is no outlier among those of all landmarks (n, 3)."""
+    """The largest ratio (3,) of difference to standard deviation, axis by axis, that is no outlier among those of all
+    landmarks (n, 3)."""
     return np.asarray(OUTLIER * np.maximum(TO_SIGMA * np.median(ratios, axis=0), LEAST_USUAL))
 
 
-def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[Doubt]:
-    """A doubt about each structure of whose measurements many were rejected, far from where it was mapped, or half are further off than those of its
-    likes usually are: they are of no one thing."""
+def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[MapWarning]:
+    """A warning about each structure of whose measurements many were rejected, far from where it was mapped, or half
+    are further off than those of its likes usually are: they are of no one thing."""
     landmarks = solution.landmarks_of(plugin)
-    own = {
+    points = {
         structure.id: [landmark for name, landmark in landmarks.items() if is_of(name, structure.id)]
         for structure in structures
     }
-    usual = {label: _usual_offset(structures, own, label) for label in {structure.label for structure in structures}}
+    usual = {label: _usual_offset(structures, points, label) for label in {structure.label for structure in structures}}
     for structure in structures:
-        offsets, limit = _offsets(own[structure.id]), max(SCATTERED_M, SCATTERED * usual[structure.label])
-        rejected = sum(int((landmark.offsets[landmark.observations :] > FAR_M).sum()) for landmark in own[structure.id])
+        offsets, limit = _offsets(points[structure.id]), max(SCATTERED_M, SCATTERED * usual[structure.label])
+        rejected = sum(
+            int((landmark.offsets[landmark.observations :] > FAR_M).sum()) for landmark in points[structure.id]
+        )
         if rejected > MOST_REJECTED * len(offsets):
             figure = f"{rejected} of {len(offsets)} rejected"
         elif len(offsets) and np.median(offsets) > limit:
             figure = f"half over {100 * np.median(offsets):.1f} cm off"
         else:
             continue
-        what, action = "measurements of an element do not fit it", f"look whether it is one element: {structure.id}"
-        yield Doubt("residuals", what, (structure.id,), place_of(structure), figure=figure, action=action)
+        yield MapWarning("inconsistent-element", (structure.id,), figure, place_of(structure), size=FAR_M)
 
 
 def _usual_offset(structures: Sequence[Structure], landmarks: Mapping[str, Sequence[Landmark]], label: str) -> float:
-    """How far, m, the measurements of the structures of a label usually are off; `landmarks`: those of each structure, by its id."""
-    offsets = _offsets([one for structure in structures if structure.label == label for one in landmarks[structure.id]])
+    """How far, m, the measurements of the structures of a label usually are off; `landmarks`: those of each structure,
+    by its id."""
+    offsets = _offsets(
+        [point for structure in structures if structure.label == label for point in landmarks[structure.id]]
+    )
     return float(np.median(offsets)) if len(offsets) else 0.0
 
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from savmap.geometry.pinhole import intrinsics, project, rays_from_pixels
 from savmap.geometry.sphere import panorama_pixels_from_rays
-from savmap.types import Doubt, Floats, RowMap, Still, Structure
+from savmap.types import Floats, MapWarning, RowMap, Still, Structure
 
 WIDTH_PX, HEIGHT_PX, JPEG_QUALITY = 480, 360, 80
 LEAST_HFOV_DEG, MOST_HFOV_DEG, ROOM = 40.0, 95.0, 1.6
 """A structure and its surroundings are shown, 1.6 times as wide as it is."""
 MOST_VIEWS, USUAL_VIEWS = 6, 2
-"""Of a row: for its doubts, and for its weakest structures where it has fewer doubts."""
+"""Of a row: for its warnings, and for its weakest structures where it has fewer warnings."""
 NEAR_M = 0.1
 """Nearer to the camera's plane, nothing is drawn."""
-SHOWN, DOUBTED, UNDER = (86, 205, 255), (255, 120, 40), (0, 0, 0)
+SHOWN, WARNED, UNDER = (86, 205, 255), (255, 120, 40), (0, 0, 0)
 """Lines in RGB, over a dark one: they are seen on bright and on dark footage."""
 
 Picture = NDArray[np.uint8]
@@ -40,7 +40,7 @@ class FootageView:
 
 
 def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ...]:
-    """A view for each doubt that has a place, then for the structures that the fewest frames support; none without
+    """A view for each warning that has a place, then for the structures that the fewest frames support; none without
     stills."""
     poses = dict(zip(row.trajectory.frames.tolist(), row.trajectory.world_from_rig, strict=True))
     located = [still for still in stills if still.frame in poses]
@@ -48,11 +48,11 @@ def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ..
         return ()
     centres = np.array([poses[still.frame][:3, 3] for still in located])
     views, decoded = [], dict[int, Picture]()
-    for what, points, doubted in _subjects(row):
+    for what, points, warned in _subjects(row):
         nearest = located[int(np.linalg.norm(centres - points.mean(axis=0), axis=1).argmin())]
         if nearest.frame not in decoded:
             decoded[nearest.frame] = _decoded(nearest)
-        picture = _view(decoded[nearest.frame], poses[nearest.frame], points, row, doubted)
+        picture = _view(decoded[nearest.frame], poses[nearest.frame], points, row, warned)
         stamp, name = row.frames.stamps_s[nearest.frame], row.frames.passes[nearest.frame]
         views.append(FootageView(what, f"{name}, {stamp:.1f} s, frame {nearest.frame}", _uri(picture)))
     return tuple(views)
@@ -61,8 +61,8 @@ def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ..
 def _subjects(row: RowMap) -> Iterator[Subject]:
     """What is worth a look: why, its points (n, 3) m, and the structures that it is about."""
     structures = _structures(row)
-    doubts = row.verdict.doubts if row.verdict else ()
-    shown = [subject for doubt in doubts if (subject := _subject(doubt, structures)) is not None][:MOST_VIEWS]
+    warnings = row.verdict.warnings if row.verdict else ()
+    shown = [subject for warning in warnings if (subject := _subject(warning, structures)) is not None][:MOST_VIEWS]
     yield from shown
     shown_keys = frozenset[Key]().union(*(keys for _, _, keys in shown))
     weakest = sorted((key for key in structures if key not in shown_keys), key=lambda key: _support(structures[key]))
@@ -75,13 +75,13 @@ def _structures(row: RowMap) -> dict[Key, Structure]:
     return {(plugin, structure.id): structure for plugin, group in row.structures.items() for structure in group}
 
 
-def _subject(doubt: Doubt, structures: Mapping[Key, Structure]) -> Subject | None:
-    """A doubt names ids alone, so that all structures of such an id are meant."""
-    keys = frozenset(key for key in structures if key[1] in doubt.structures)
+def _subject(warning: MapWarning, structures: Mapping[Key, Structure]) -> Subject | None:
+    """A warning names ids alone, so that all structures of such an id are meant."""
+    keys = frozenset(key for key in structures if key[1] in warning.subjects)
     points = [structures[key].vertices for key in sorted(keys)]
-    if doubt.place is not None and not points:
-        points = [np.array([doubt.place])]
-    return (doubt.line, np.concatenate(points), keys) if points else None
+    if warning.place is not None and not points:
+        points = [np.array([warning.place])]
+    return (warning.line, np.concatenate(points), keys) if points else None
 
 
 def _support(structure: Structure) -> float:
@@ -89,12 +89,12 @@ def _support(structure: Structure) -> float:
     return float(value) if isinstance(value, int | float) else 1.0
 
 
-def _view(panorama: Picture, world_from_rig: Floats, points: Floats, row: RowMap, doubted: frozenset[Key]) -> Picture:
+def _view(panorama: Picture, world_from_rig: Floats, points: Floats, row: RowMap, warned: frozenset[Key]) -> Picture:
     world_from_view = looking_at(world_from_rig[:3, 3], points.mean(axis=0))
     camera = intrinsics(_hfov_deg(world_from_rig[:3, 3], points), WIDTH_PX, HEIGHT_PX)
     picture = _cut(panorama, world_from_rig[:3, :3].T @ world_from_view, camera)
-    for key, structure in sorted(_structures(row).items(), key=lambda item: item[0] in doubted):
-        colour, width = (DOUBTED, 2) if key in doubted else (SHOWN, 1)
+    for key, structure in sorted(_structures(row).items(), key=lambda item: item[0] in warned):
+        colour, width = (WARNED, 2) if key in warned else (SHOWN, 1)
         for ends in structure.vertices[structure.edges.reshape(-1, 2)]:
             _line(picture, (ends - world_from_rig[:3, 3]) @ world_from_view, camera, colour, width)
     return picture

@@ -14,9 +14,9 @@ from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
 from savmap.types import (
-    Doubt,
     Drawing,
     Evaluation,
+    MapWarning,
     Orthophoto,
     Placement,
     ReferenceUse,
@@ -97,9 +97,9 @@ class Summary:
         return mean_absolute_error(self.score) if self.score else None
 
     @property
-    def doubts(self) -> tuple[Doubt, ...]:
+    def warnings(self) -> tuple[MapWarning, ...]:
         """What speaks against the row's map."""
-        return self.row.verdict.doubts if self.row and self.row.verdict else ()
+        return self.row.verdict.warnings if self.row and self.row.verdict else ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -113,7 +113,10 @@ class Summary:
         counts = (self.score.missing, self.score.spurious) if self.score else ({}, {})
         missing, spurious = (named_counts(part) for part in counts)
         remarks = (
-            (self.doubts, f"to be checked: {len(self.doubts)} {'doubts' if len(self.doubts) > 1 else 'doubt'}"),
+            (
+                self.warnings,
+                f"to be checked: {len(self.warnings)} {'warnings' if len(self.warnings) > 1 else 'warning'}",
+            ),
             (off, f"{off} {'references' if off > 1 else 'reference'} contradicted"),
             (missing != "none", f"missing: {missing}"),
             (spurious != "none", f"spurious: {spurious}"),

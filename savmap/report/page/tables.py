@@ -174,7 +174,7 @@ def reference_table(rows: Sequence[Summary]) -> Table:
 def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
     worst = max((abs(reference.deviation) for reference in row.references), default=None)
     mapped, nothing = row.row is not None, Cell(NOTHING)
-    state = "check" if row.doubts else row.status
+    state = "check" if row.warnings else row.status
     cells = (
         row_cell(row),
         Cell(state, style=f"badge {state}"),

@@ -112,14 +112,14 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
     references, the run."""
     mapped = [row for row in rows if row.row]
     failed = len(rows) - len(mapped)
-    doubtful = sum(1 for row in mapped if row.doubts)
+    warned = sum(1 for row in mapped if row.warnings)
     with_verdict = sum(1 for row in mapped if row.row and row.row.verdict)
     lengths = [row.length_m for row in mapped if row.length_m is not None]
     references, off = sum(len(row.references) for row in mapped), sum(row.references_off for row in mapped)
     ties, ties_off = report.site_map.matches, sum(1 for tie in report.site_map.matches if is_tie_off(tie))
     facts = [("rows mapped", f"{len(mapped)} of {len(rows)}")]
     facts += [("failed", str(failed))] if failed else []
-    facts += [("trusted / to be checked", f"{with_verdict - doubtful} / {doubtful}")] if with_verdict else []
+    facts += [("trusted / to be checked", f"{with_verdict - warned} / {warned}")] if with_verdict else []
     facts += [(label, str(count)) for label, count in total_counts(rows).items()]
     facts += [("length of all rows", f"{sum(lengths):.1f} m")] if lengths else []
     if score:

@@ -19,10 +19,10 @@ from savmap.types import (
     Alignment,
     Attribute,
     Bools,
-    Doubt,
     Evaluation,
     Floats,
     JointCovariance,
+    MapWarning,
     Measured,
     Orthophoto,
     Placement,
@@ -418,7 +418,7 @@ def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
         "placement": placement and [placement.x_m, placement.z_m, placement.heading_deg],
         "placement_covariance": placement and digits(placement.covariance[UPPER]),
         "grade": row.verdict and row.verdict.grade,
-        "doubts": [_doubt(doubt) for doubt in row.verdict.doubts] if row.verdict else [],
+        "warnings": [_warning(warning) for warning in row.verdict.warnings] if row.verdict else [],
         "remarks": [visible(note) for note in row.verdict.notes] if row.verdict else [],
         **vertex_entry(row.structures),
         "joint": _joint(row, joint_path),
@@ -426,19 +426,19 @@ def _row(row: RowMap, placement: Placement | None, joint_path: str) -> Entry:
     }
 
 
-def _doubt(doubt: Doubt) -> Entry:
-    named = [visible(name) for name in doubt.structures]
-    place = None if doubt.place is None else list(doubt.place)
+def _warning(warning: MapWarning) -> Entry:
+    named = [visible(name) for name in warning.subjects]
+    place = None if warning.place is None else list(warning.place)
     return {
-        "kind": doubt.kind,
-        "headline": visible(doubt.headline),
-        "figure": visible(doubt.figure),
-        "action": visible(doubt.action),
-        "details": [visible(line) for line in doubt.details],
-        "of_row": doubt.of_row,
-        "structures": named,
+        "code": warning.code,
+        "headline": visible(warning.headline),
+        "figure": visible(warning.figure),
+        "action": visible(warning.action),
+        "details": [visible(line) for line in warning.details],
+        "of_row": warning.of_row,
+        "subjects": named,
         "place": place,
-        "frame": doubt.frame,
+        "frame": warning.frame,
     }
 
 

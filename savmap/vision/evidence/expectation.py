@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from savmap.types import Doubt, Expected, Floats, PlanePatch, Trajectory, ViewSpec
+from savmap.types import Expected, Floats, MapWarning, PlanePatch, Trajectory, ViewSpec
 from savmap.vision.evidence.behind import inner_part, lies_behind
 from savmap.vision.evidence.planes import PackedView
 
@@ -34,22 +34,18 @@ class Expectation:
         """How many objects were not tracked though they are there, or tracked though they are absent."""
         return sum(1 for _ in self.untracked()) + len(self.objects) - len(self.there)
 
-    def untracked(self) -> Iterator[tuple[Expected, Doubt]]:
-        """Each object at whose outline nothing was tracked, and a doubt about it."""
+    def untracked(self) -> Iterator[tuple[Expected, MapWarning]]:
+        """Each object at whose outline nothing was tracked, and a warning about it."""
         for thing in self.there if self.points else ():
             if len(self._tracked_at(thing)) < LEAST_LANDMARKS:
-                what = "all frames show something that is not mapped"
-                action = f"look whether it is missing: {thing.label} near {self._nearest(thing)}"
-                yield thing, Doubt("support", what, action=action)
+                yield thing, MapWarning("uncertain-element", (f"{thing.label} near {self._nearest(thing)}",))
 
-    def unseen(self) -> Iterator[Doubt]:
-        """A doubt about each object that is absent, and was tracked all the same."""
+    def unseen(self) -> Iterator[MapWarning]:
+        """A warning about each object that is absent, and was tracked all the same."""
         for thing in self.objects:
             names = self._tracked_at(thing) if thing.absent else []
             if len(names) >= LEAST_LANDMARKS:
-                what = "frames together do not show an element"
-                action = f"look whether it is {thing.label}: {max(names, key=names.count)}"
-                yield Doubt("support", what, action=action)
+                yield MapWarning("uncertain-element", (max(names, key=names.count),))
 
     def reaches_beyond(self, points: Mapping[str, Floats]) -> bool:
         """Whether an object that is there and was tracked lies beyond landmarks (3,) that are tracked later, by more than `BEYOND` of their extent."""
@@ -87,28 +83,28 @@ def structure_of(landmark: str) -> str:
 
 def unexplained(
     left: Expectation, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec]
-) -> Iterator[Doubt]:
-    """A doubt about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
+) -> Iterator[MapWarning]:
+    """A warning about each object at whose outline nothing was tracked, but for what only shows through an opening of its plane: the rear of a
     structure is level, too, and goes on in the evidence of its front. What stands above or below it in the same opening is behind it as well
     where most does and nothing in it was tracked. Of what stands across the camera's way no picture tells that; where all that meets it lies
     behind, so does it."""
     behind: set[int] = set()
-    across, along = list[tuple[Expected, Doubt]](), list[tuple[Expected, Doubt]]()
-    for thing, doubt in left.untracked():
+    across, along = list[tuple[Expected, MapWarning]](), list[tuple[Expected, MapWarning]]()
+    for thing, warning in left.untracked():
         part = inner_part(thing.outline, left.planes)
-        (across if part is None else along).append((thing, doubt))
+        (across if part is None else along).append((thing, warning))
         if part is not None and lies_behind(part, packed_views, views, left.path):
             behind.add(id(thing))
     missing = {id(thing) for thing, _ in along}
-    for thing, doubt in along:
+    for thing, warning in along:
         others = [id(other) for other in left.there if other is not thing and is_over(thing, other)]
         through = missing.issuperset(others) and 2 * sum(other in behind for other in others) > len(others) + 1
         if id(thing) not in behind and not through:
-            yield doubt
-    for thing, doubt in across:
+            yield warning
+    for thing, warning in across:
         met = [other for other in left.objects if other is not thing and meets(thing, other)]
         if not met or any(id(other) not in behind for other in met):
-            yield doubt
+            yield warning
 
 
 def is_over(one: Expected, other: Expected) -> bool:

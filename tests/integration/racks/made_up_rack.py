@@ -19,7 +19,7 @@ from savmap.graph import (
     published_start,
     solve,
 )
-from savmap.types import Doubt, Floats, FrameTable, RowFacts, Track, Trajectory, ViewSpec
+from savmap.types import Floats, FrameTable, MapWarning, RowFacts, Track, Trajectory, ViewSpec
 from savmap_shelves.constraints import GridSettings, constrain
 
 NOMINAL = np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]])
@@ -111,9 +111,9 @@ def seen_from(
     return World(truth, poses, tracks, facts, rng)
 
 
-def said(doubt: Doubt) -> str:
-    """All that a doubt says."""
-    return " ".join((doubt.line, *doubt.details))
+def said(warning: MapWarning) -> str:
+    """All that a warning says."""
+    return " ".join((warning.line, *warning.details))
 
 
 def foot(made: World, upright: int, above: float) -> Track:

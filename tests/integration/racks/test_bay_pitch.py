@@ -36,12 +36,12 @@ def test_pitches_alone_give_the_scale_and_are_reported(small: made.World) -> Non
     assert np.abs(y).max() < 0.03
     used = {use.name: use for use in solution.references}
     assert used["bay pitch of bay 3"].solved == pytest.approx(pitches(small)[2], abs=0.005)
-    assert not solution.warnings
+    assert not solution.notes
 
 
 def test_a_wrong_pitch_is_named(small: made.World) -> None:
     first, second, third = pitches(small)
-    warnings = " ".join(solved(small, [first, second + 0.04, third], made.references(small)).warnings)
+    warnings = " ".join(solved(small, [first, second + 0.04, third], made.references(small)).notes)
     assert f"bay pitch of bay 2 is given as {second + 0.04:.3f} m" in warnings
 
 

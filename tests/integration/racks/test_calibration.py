@@ -140,7 +140,7 @@ def test_halves_turned_against_one_another_are_found(small: made.World) -> None:
         assert float(found.report[f"calibration rear {name}, deg"]) == pytest.approx(value, abs=max(3 * sigma, 0.02))
     assert error(small, found) < 0.7 * error(small, plain)
     assert float(found.report["residual_scale_uncalibrated"]) > 1.5 * float(found.report["residual_scale"])
-    assert found.warnings[0].startswith("calibration: rear pitch +0.")
+    assert found.notes[0].startswith("calibration: rear pitch +0.")
 
 
 def test_what_the_footage_does_not_tell_stays_at_zero_and_is_named(small: made.World) -> None:
@@ -149,7 +149,7 @@ def test_what_the_footage_does_not_tell_stays_at_zero_and_is_named(small: made.W
     assert abs(float(found.report["calibration rear scale, percent"])) < 1e-6
     assert float(found.report["calibration rear scale, sigma percent"]) == pytest.approx(0.3, rel=0.01)
     assert float(found.report["calibration rear yaw, sigma deg"]) == pytest.approx(1.0, rel=0.05)
-    assert any("hardly tells" in warning and "rear yaw" in warning for warning in found.warnings)
+    assert any("hardly tells" in warning and "rear yaw" in warning for warning in found.notes)
     assert error(small, found) < 1.2 * error(small, solved(small, None))
 
 

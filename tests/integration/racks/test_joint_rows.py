@@ -86,18 +86,18 @@ def test_references_that_contradict_across_the_aisle_are_named(aisle: tuple[made
     solutions = solve_rows([a, b], SAME)
     for solution in solutions:
         assert "solved_together" not in solution.report
-        assert sum("mapped without the others" in made.said(doubt) for doubt in solution.doubts) == 1
-    apart = next(made.said(doubt) for doubt in solutions[0].doubts if "mapped without" in made.said(doubt))
+        assert sum("mapped without the others" in made.said(warning) for warning in solution.warnings) == 1
+    apart = next(made.said(warning) for warning in solutions[0].warnings if "mapped without" in made.said(warning))
     assert "standard deviations off what the rows say together" in apart
     assert "row A: length upright 1 / left to upright 4 / right" in apart
 
 
 def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World]) -> None:
     solutions = solve_rows(two_faces.problems(*aisle), [range(FRAMES), range(3, 3 + FRAMES)])
-    assert "do not fit one camera path" in made.said(solutions[0].doubts[-1])
+    assert "do not fit one camera path" in made.said(solutions[0].warnings[-1])
 
 
-def test_row_beside_a_refused_one_is_doubted(aisle: tuple[made.World, made.World]) -> None:
+def test_row_beside_a_refused_one_is_warned_of(aisle: tuple[made.World, made.World]) -> None:
     """What was given for both may be what is wrong: of the camera height of the drive, say, one row alone can tell."""
     a, b = two_faces.problems(*aisle)
     high = replace(a.camera.references, camera_heights=(CameraHeight(5.0, 0.02),), on_contradiction="refuse")
@@ -105,9 +105,7 @@ def test_row_beside_a_refused_one_is_doubted(aisle: tuple[made.World, made.World
     refused, beside = solve_rows([wrong, b], SAME)
     assert isinstance(refused, SolveError)
     assert isinstance(beside, Solution)
-    assert "another row of its drive cannot be mapped; check what is given for both: row A" in made.said(
-        beside.doubts[-1]
-    )
+    assert (beside.warnings[-1].code, beside.warnings[-1].subjects) == ("reference-conflict", ("row A",))
 
 
 def test_a_camera_height_counts_once(aisle: tuple[made.World, made.World]) -> None:

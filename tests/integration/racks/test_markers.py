@@ -78,12 +78,12 @@ def test_its_side_is_among_the_references(small: made.World) -> None:
     use = {one.name: one for one in solution.references}[f"side of marker {NAME}"]
     assert (use.value, use.sigma) == (0.2, 0.0005)
     assert use.solved == pytest.approx(0.2, abs=0.0005)
-    assert not solution.warnings
+    assert not solution.notes
 
 
 def test_a_size_that_contradicts_the_rest_is_named(small: made.World) -> None:
     solution = solved(small, corner_tracks(small, size=0.206), made.references(small))
-    assert f"measure them again: side of marker {NAME} or" in " ".join(solution.warnings)
+    assert f"measure it again, in metres: side of marker {NAME}," in " ".join(solution.notes)
 
 
 def test_a_marker_that_was_not_seen_is_named(small: made.World) -> None:

@@ -32,7 +32,7 @@ def test_a_missed_lowest_beam_is_told_and_does_no_harm(
     four: made.World, section: int, camera: bool, length: bool
 ) -> None:
     solution = solve(blind(four, {section}, camera, length))
-    told = [line for line in solution.warnings if line.startswith(f"bay {section}: the lowest beam at ")]
+    told = [line for line in solution.notes if line.startswith(f"bay {section}: the lowest beam at ")]
     assert len(told) == 1
     assert "its height is not used" in told[0]
     found = four.rack.beams[section - 1][1, 0]
@@ -44,10 +44,10 @@ def test_a_missed_lowest_beam_is_told_and_does_no_harm(
     assert np.abs(y).max() < 0.02
 
 
-def test_two_missed_beams_are_two_doubts(four: made.World) -> None:
+def test_two_missed_beams_are_two_warnings(four: made.World) -> None:
     solution = solve(blind(four, {1, 2}))
-    assert [doubt.headline for doubt in solution.doubts] == ["a reference's landmark was not seen"] * 2
-    assert [doubt.details[0].split(":")[0] for doubt in solution.doubts] == ["bay 1", "bay 2"]
+    assert [warning.code for warning in solution.warnings] == ["reference-conflict"] * 2
+    assert [warning.details[0].split(":")[0] for warning in solution.warnings] == ["bay 1", "bay 2"]
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 
@@ -59,7 +59,7 @@ def test_where_most_sections_disagree_the_contradiction_is_told(four: made.World
 
 def test_heights_that_agree_are_all_used(four: made.World) -> None:
     solution = made.solved(four)
-    assert not [line for line in solution.warnings if "not seen" in line]
+    assert not [line for line in solution.notes if "not seen" in line]
     assert sum(use.name.startswith("height of") for use in solution.references) == 4
 
 
@@ -67,7 +67,7 @@ def test_on_a_known_path_too(four: made.World) -> None:
     known = made.solved(four).trajectory
     problem = blind(four, {2})
     solution = solve(replace(problem, camera=replace(problem.camera, fixed=known)))
-    assert any(line.startswith("bay 2: the lowest beam at ") for line in solution.warnings)
+    assert any(line.startswith("bay 2: the lowest beam at ") for line in solution.notes)
 
 
 def part(world: made.World, heights: list[float]) -> Problem:
@@ -84,7 +84,7 @@ def test_of_more_heights_than_sections_those_that_fit_are_used(four: made.World,
     solution = solve(part(four, heights))
     used = [use.value for use in solution.references if use.name.startswith("height of")]
     assert used == list(four.rack.lowest)
-    assert f"only a part of the row was found: bays {before + 1} to {before + 4} of 6" in solution.warnings[0]
+    assert f"only a part of the row was found: bays {before + 1} to {before + 4} of 6" in solution.notes[0]
     _, y, _, _ = made.errors(four, solution)
     assert np.abs(y).max() < 0.02
 
@@ -93,7 +93,7 @@ def test_equal_heights_fit_whatever_part_was_found(four: made.World) -> None:
     own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
     level = made.seen_from(own, four.poses, np.random.default_rng(4))
     solution = solve(part(level, [0.3] * 5))
-    assert "bays 1 to 4 of 5 or bays 2 to 5 of 5" in solution.warnings[0]
+    assert "bays 1 to 4 of 5 or bays 2 to 5 of 5" in solution.notes[0]
 
 
 def test_heights_that_fit_in_several_ways_are_refused(four: made.World) -> None:

@@ -57,10 +57,10 @@ def test_a_bad_class_pays_for_itself(rack: made.World) -> None:
 
 
 def test_a_class_that_does_not_fit_at_all_is_doubted(rack: made.World) -> None:
-    [doubt] = made.solved(noisier(rack, "upright", 12.0)).doubts
-    assert doubt.kind == "residuals"
-    assert "`upright`" in made.said(doubt)
-    assert not made.solved(noisier(rack, "upright", 1.0)).doubts
+    [warning] = made.solved(noisier(rack, "upright", 12.0)).warnings
+    assert warning.code == "bad-panorama"
+    assert "`upright`" in made.said(warning)
+    assert not made.solved(noisier(rack, "upright", 1.0)).warnings
 
 
 def test_measurements_that_say_nothing_are_no_map(rack: made.World) -> None:

@@ -55,17 +55,17 @@ def largest_error(world: made.World, solution: Solution) -> float:
 @pytest.mark.parametrize("off", [0.05, -0.05, 0.5, -0.12])
 def test_a_height_typed_wrong_is_named_and_left_out(four: made.World, off: float) -> None:
     solution = solve(typed(four, off))
-    [doubt] = solution.doubts
+    [warning] = solution.warnings
     given, true = four.rack.lowest[-1] + off, four.rack.lowest[-1]
-    assert doubt.kind == "reference"
-    assert f"height of the lowest edge of bay 4 is given as {given:.3f} m" in made.said(doubt)
-    assert float(made.said(doubt).split("the rest says ")[1].split()[0]) == pytest.approx(true, abs=0.02)
-    assert doubt.place is not None
+    assert warning.code == "reference-conflict"
+    assert f"height of the lowest edge of bay 4 is given as {given:.3f} m" in made.said(warning)
+    assert float(made.said(warning).split("the rest says ")[1].split()[0]) == pytest.approx(true, abs=0.02)
+    assert warning.place is not None
     assert largest_error(four, solution) < 0.02
 
 
-def test_a_right_row_has_no_doubts(four: made.World) -> None:
-    assert made.solved(four).doubts == ()
+def test_a_right_row_has_no_warnings(four: made.World) -> None:
+    assert made.solved(four).warnings == ()
 
 
 def test_on_contradiction_refuse(four: made.World) -> None:
@@ -75,8 +75,8 @@ def test_on_contradiction_refuse(four: made.World) -> None:
 
 def test_on_contradiction_leave_out(four: made.World) -> None:
     solution = solve(typed(four, 0.05, "leave_out"))
-    assert solution.doubts == ()
-    assert any("bay 4 is given as" in line for line in solution.warnings)
+    assert solution.warnings == ()
+    assert any("bay 4 is given as" in line for line in solution.notes)
     assert "nothing would notice an error of" in solution.unchecked[0]
     assert largest_error(four, solution) < 0.02
 
@@ -90,8 +90,8 @@ def test_feet_that_guards_hide_do_not_contradict_a_measured_length(above: float)
     own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
     given = made.references(world, camera=True, length=True)
     solution = solve(merge(camera_priors(world.facts, begin, given), own))
-    doubts = [doubt.details[0] for doubt in solution.doubts]
-    assert [what.startswith("no upright is seen down to the floor") for what in doubts] == ([True] if above else [])
+    warnings = [warning.details[0] for warning in solution.warnings]
+    assert [what.startswith("no upright is seen down to the floor") for what in warnings] == ([True] if above else [])
     assert largest_error(world, solution) < 0.03
 
 
@@ -103,8 +103,8 @@ def test_a_scale_that_rests_on_feet_alone_is_doubted() -> None:
     own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
     for given, doubted in (made.references(world, length=False), True), (made.references(world), False):
         solution = solve(merge(camera_priors(world.facts, begin, given), own))
-        doubts = [doubt.details[0] for doubt in solution.doubts]
-        assert [what.startswith("scale or place rest on the floor under the uprights") for what in doubts] == [
+        warnings = [warning.details[0] for warning in solution.warnings]
+        assert [what.startswith("scale or place rest on the floor under the uprights") for what in warnings] == [
             True
         ] * doubted
 
@@ -114,9 +114,9 @@ def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:
     world = made.world(11, sections=5, frames=50, bridge=None)
     for wrong, hinted in ((0.12, -0.07, 0.2, 0, 0), True), ((0.12, -0.07, 0, 0, 0), False):
         heights = [height + off for height, off in zip(world.rack.lowest, wrong, strict=True)]
-        first, *others = solve(problem(world, heights, made.references(world))).doubts
-        assert ("many references do not fit the pictures: 3 of 7" in made.said(first)) == hinted
-        assert len(others) == (3 if hinted else 1)
+        first, *others = solve(problem(world, heights, made.references(world))).warnings
+        assert ("3 of 7 contradict the rest" in made.said(first)) == hinted
+        assert len(others) == (2 if hinted else 1)
 
 
 def test_of_two_that_give_the_scale_nobody_can_say() -> None:
@@ -126,13 +126,13 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
     own = replace(world.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in world.rack.beams))
     level = made.seen_from(own, world.poses, np.random.default_rng(1))
     given = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.15, 0.02),))
-    [doubt] = solve(problem(level, 0.3, given)).doubts
-    assert "camera height" in made.said(doubt)
-    assert "length upright 1 / left to upright 4 / right" in made.said(doubt)
-    assert "try `calibration: {lens_distance: true}`" in made.said(doubt)
+    [warning] = solve(problem(level, 0.3, given)).warnings
+    assert "camera height" in made.said(warning)
+    assert "length upright 1 / left to upright 4 / right" in made.said(warning)
+    assert "try `calibration: {lens_distance: true}`" in made.said(warning)
     asked = solve(problem(level, 0.3, given, Calibration(Stitching())))
-    assert asked.doubts
-    assert not any("calibration" in made.said(doubt) for doubt in asked.doubts)
+    assert asked.warnings
+    assert not any("calibration" in made.said(warning) for warning in asked.warnings)
     far = replace(true, camera_heights=(CameraHeight(true.camera_heights[0].value_m + 0.9, 0.02),))
     with pytest.raises(
         SolveError, match=r"contradict.*length upright 1.*camera height|contradict.*camera height.*length upright 1"
@@ -155,8 +155,8 @@ def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> 
 
     hidden = replace(four, tracks=[seen(track) for track in four.tracks])
     solution = solve(problem(hidden, list(four.rack.lowest), made.references(four)))
-    assert solution.doubts == ()
-    assert any("`height of the lowest edge of bay 2` is something else" in line for line in solution.warnings)
+    assert solution.warnings == ()
+    assert any("`height of the lowest edge of bay 2` is something else" in line for line in solution.notes)
     assert largest_error(four, solution) < 0.02
 
 
@@ -214,8 +214,8 @@ def test_thick_beams_of_a_bridge_look_odd_only_beside_its_own() -> None:
 def test_a_length_in_feet_is_told(four: made.World) -> None:
     lengths = tuple(replace(one, value_m=one.value_m / 0.3048) for one in made.references(four).lengths)
     references = replace(made.references(four), lengths=lengths)
-    (doubt,) = solve(problem(four, list(four.rack.lowest), references)).doubts
-    assert f"feet are {made.references(four).lengths[0].value_m:.3f} m" in made.said(doubt)
+    (warning,) = solve(problem(four, list(four.rack.lowest), references)).warnings
+    assert f"feet are {made.references(four).lengths[0].value_m:.3f} m" in made.said(warning)
 
 
 @pytest.mark.parametrize("height_m", [3.05, 2.0])
@@ -224,8 +224,8 @@ def test_one_camera_height_alone_is_never_refuted(four: made.World, height_m: fl
     level = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
     world = made.seen_from(level, four.poses, np.random.default_rng(5))
     solution = solve(problem(world, 0.3, References((CameraHeight(height_m, 0.02),))))
-    assert solution.doubts == ()
-    assert not [line for line in solution.warnings if "is given as" in line]
+    assert solution.warnings == ()
+    assert not [line for line in solution.notes if "is given as" in line]
     assert "one reference gives the scale, camera height: nothing checks it" in solution.unchecked[0]
 
 
@@ -242,18 +242,18 @@ def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
     thick[1][0, 1] += 0.05
     world = made.seen_from(replace(four.rack, beams=tuple(thick)), four.poses, np.random.default_rng(3))
     heights = [value + 0.06 * (section == 1) for section, value in enumerate(world.rack.lowest)]
-    [doubt] = solve(problem(world, heights, made.references(world))).doubts
-    assert "bay 2 is given as" in made.said(doubt)
+    [warning] = solve(problem(world, heights, made.references(world))).warnings
+    assert "bay 2 is given as" in made.said(warning)
 
 
 def test_one_height_for_all_may_be_missing(four: made.World) -> None:
-    """A bay without the lowest beam is no doubt where one height was given for all of them, but it is where its own was."""
+    """A bay without the lowest beam is no warning where one height was given for all of them, but it is where its own was."""
     own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.25 for beams in four.rack.beams))
     world = made.seen_from(own, four.poses, np.random.default_rng(2))
     bare = replace(world, tracks=[t for t in world.tracks if (t.place.get("bay"), t.place.get("beam")) != (3, 1)])
     common, each = (solve(problem(bare, heights, made.references(world))) for heights in (0.25, [0.25] * 4))
-    assert common.doubts == ()
-    assert [doubt.kind for doubt in each.doubts] == ["reference"]
+    assert common.warnings == ()
+    assert [warning.code for warning in each.warnings] == ["reference-conflict"]
 
 
 @pytest.mark.parametrize("seed", [12, 13])
@@ -266,9 +266,9 @@ def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
     rack = replace(bridged.rack, beams=tuple(beams))
     world = made.seen_from(rack, bridged.poses, np.random.default_rng(2))
     solution = solve(problem(world, 0.25, made.references(world)))
-    [doubt] = solution.doubts
-    assert "height of the lowest edge of bay 2 is given as" in made.said(doubt)
-    assert any("bay 3: the lowest beam at" in note for note in solution.warnings)
+    [warning] = solution.warnings
+    assert "height of the lowest edge of bay 2 is given as" in made.said(warning)
+    assert any("bay 3: the lowest beam at" in note for note in solution.notes)
     assert largest_error(world, solution) < 0.05
 
 
@@ -278,10 +278,10 @@ def test_lowest_beams_that_goods_hide_in_half_of_the_sections_are_told(hidden: t
     world = made.world(11, sections=6, frames=60, bridge=None)
     heights = [seen - below for seen, below in zip(world.rack.lowest, hidden, strict=True)]
     solution = solve(problem(world, heights, made.references(world)))
-    notes = [line for line in solution.warnings if "was not seen; its height is not used" in line]
+    notes = [line for line in solution.notes if "was not seen; its height is not used" in line]
     assert [line.split(":")[0] for line in notes] == ["bay 1", "bay 3", "bay 6"]
-    assert any("bay 4" in line for line in solution.warnings) is (min(hidden) < 0)
-    assert solution.doubts
+    assert any("bay 4" in line for line in solution.notes) is (min(hidden) < 0)
+    assert solution.warnings
     assert largest_error(world, solution) < 0.03
 
 

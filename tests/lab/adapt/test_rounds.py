@@ -21,7 +21,7 @@ from savmap.lab.train import TrainedNetwork, TrainingPlan, measure
 from savmap.maps.map_file import write_map
 from savmap.site.job import Job
 from savmap.site.model import Row, Site
-from savmap.types import Doubt, FrameTable, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
 from savmap.types.progress import NoteCollector
 
 from .filmed_wall import BOXES, CLASSES, quad
@@ -189,17 +189,17 @@ def test_forgetting_that_is_not_measured_is_told(tmp_path: Path, monkeypatch: py
 def test_poorer_map_ends_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = adapted(Works([0.6, 0.7], [3, 2]), tmp_path, monkeypatch)
     assert [one.kept for one in done.rounds] == [True, False]
-    assert done.rounds[1].why == "the new map has fewer structures that nothing doubts"
+    assert done.rounds[1].why == "the new map has fewer structures that nothing warns of"
     assert (tmp_path / "adapted" / "posts.onnx").read_text() == "network 1"
     assert done.structures_after == 3
 
 
 def test_structures_that_are_doubted_do_not_count(tmp_path: Path) -> None:
-    """Three, one of them doubted, are no more than two that nothing doubts."""
+    """Three, one of them doubted, are no more than two that nothing warns of."""
     site_map = map_of(3)
     row = site_map.rows["A"]
     name = row.structures["posts"][0].id
-    verdict = Verdict((Doubt("shape", f"{name} is odd", (name,)), Doubt("camera", "it is dark")))
+    verdict = Verdict((MapWarning("uncertain-element", (name,)), MapWarning("lens-seam")))
     doubted = replace(site_map, rows={"A": replace(row, verdict=verdict)})
     counts = [
         (state.structures("posts", CLASSES), state.sound("posts", CLASSES))
@@ -212,7 +212,7 @@ def test_structures_that_are_doubted_do_not_count(tmp_path: Path) -> None:
     ("mapped", "sound", "why"),
     [
         (2, 396, "the network agrees better with the map"),
-        (2, 395, "the new map has fewer structures that nothing doubts"),
+        (2, 395, "the new map has fewer structures that nothing warns of"),
         (1, 400, "fewer rows can be mapped with the new network"),
     ],
 )

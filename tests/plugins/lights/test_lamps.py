@@ -13,8 +13,8 @@ from savmap.graph import KeySpace, Solution, camera_priors, merge, solve
 from savmap.types import Detection, Feature, Floats, FrameTable, Panorama, RowFacts, Track, Trajectory, View, ViewSpec
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
-from savmap_lights.doubts import SIDES, SIDES_NOT_SEEN
 from savmap_lights.features import extract_features
+from savmap_lights.open_ends import SIDES, SIDES_NOT_SEEN
 from savmap_lights.plugin import Lights, Settings
 from savmap_lights.tracking import track_lamps
 

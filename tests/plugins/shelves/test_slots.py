@@ -18,9 +18,9 @@ from savmap.maps.exports.vertices import write_csv as write_vertices
 from savmap.maps.map_file import write_map
 from savmap.types import (
     Alignment,
-    Doubt,
     FrameTable,
     JointCovariance,
+    MapWarning,
     Placement,
     RowMap,
     SiteMap,
@@ -29,7 +29,7 @@ from savmap.types import (
     Trajectory,
     Verdict,
 )
-from savmap.types.maps import doubts_of
+from savmap.types.maps import warnings_of
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_elements, write_json
 from savmap_shelves.report.slots import slots_of
 
@@ -170,51 +170,53 @@ def lines_of(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 
-def doubted_row() -> RowMap:
-    against = Doubt("shape", "a beam has an unusual height", ("bay 1 / beam 2",))
-    return replace(row(), verdict=Verdict((against,)))
+UNSURE = MapWarning("uncertain-element", ("bay 1 / beam 2",))
 
 
-def test_openings_beside_what_is_doubted_say_so(tmp_path: Path) -> None:
-    site = SiteMap({"A": doubted_row()}, {})
-    doubted = [(slot.bay, slot.level) for slot in slots_of(site, "shelves") if slot.doubts]
-    assert doubted == [(1, 1), (1, 2)]
+def warned_row() -> RowMap:
+    return replace(row(), verdict=Verdict((UNSURE,)))
+
+
+def test_openings_beside_what_is_warned_say_so(tmp_path: Path) -> None:
+    site = SiteMap({"A": warned_row()}, {})
+    warned = [(slot.bay, slot.level) for slot in slots_of(site, "shelves") if slot.warnings]
+    assert warned == [(1, 1), (1, 2)]
     write_csv(site, tmp_path / "slots.csv", "shelves")
     lines = lines_of(tmp_path / "slots.csv")
-    assert [line["doubts"] for line in lines[:3]] == ["", *["a beam has an unusual height"] * 2]
+    assert [line["warnings"] for line in lines[:3]] == ["", *[UNSURE.line] * 2]
 
 
 def test_what_is_about_the_whole_row_is_on_all_of_it(tmp_path: Path) -> None:
     """A length typed 50 cm wrong stood on two of 26 openings."""
-    doubted = doubted_row()
-    assert doubted.verdict is not None
-    length = Doubt("reference", "a reference contradicts the rest", place=(1.0, 2.0, 0.0), figure="0.51 m off")
-    missing = Doubt("support", "something may be missing there", place=(1.0, 2.0, 0.0))
-    doubted = replace(doubted, verdict=Verdict((*doubted.verdict.doubts, length, missing)))
-    site = SiteMap({"A": doubted, "B": row("B")}, {})
-    assert doubts_of(doubted, "upright 1") == (length,)
-    assert doubts_of(doubted, "bay 1 / beam 2") == (doubted.verdict.doubts[0], length)
+    warned = warned_row()
+    assert warned.verdict is not None
+    length = MapWarning("reference-conflict", ("length",), "0.51 m off", (1.0, 2.0, 0.0))
+    missing = MapWarning("uncertain-element", ("bay 1 / beam 9",), place=(1.0, 2.0, 0.0))
+    warned = replace(warned, verdict=Verdict((*warned.verdict.warnings, length, missing)))
+    site = SiteMap({"A": warned, "B": row("B")}, {})
+    assert warnings_of(warned, "upright 1") == (length,)
+    assert warnings_of(warned, "bay 1 / beam 2") == (warned.verdict.warnings[0], length)
     for write, name in ((write_csv, "slots"), (write_elements, "elements")):
         write(site, tmp_path / name, "shelves")
         lines = lines_of(tmp_path / name)
         assert {line["row"] for line in lines} == {"A", "B"}
-        assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
+        assert all((length.line in line["warnings"]) == (line["row"] == "A") for line in lines)
     write_json(site, tmp_path / "slots.json", "shelves")
     slots = json.loads((tmp_path / "slots.json").read_text(encoding="utf-8"))["slots"]
-    assert all((length.line in slot["doubts"]) == (slot["row"] == "A") for slot in slots)
+    assert all((length.line in slot["warnings"]) == (slot["row"] == "A") for slot in slots)
     write_vertices(site, tmp_path / "map.csv")
     lines = lines_of(tmp_path / "map.csv")
-    assert all((length.line in line["doubts"]) == (line["row"] == "A") for line in lines)
+    assert all((length.line in line["warnings"]) == (line["row"] == "A") for line in lines)
 
 
 def test_elements_are_a_line_each(tmp_path: Path) -> None:
-    write_elements(SiteMap({"A": doubted_row()}, {}), tmp_path / "elements.csv", "shelves")
+    write_elements(SiteMap({"A": warned_row()}, {}), tmp_path / "elements.csv", "shelves")
     lines = lines_of(tmp_path / "elements.csv")
     assert [line["element"] for line in lines[:2]] == ["upright 1", "upright 2"]
     beam = next(line for line in lines if line["element"] == "bay 1 / beam 2")
     assert (beam["bay"], beam["number"], beam["bottom_m"], beam["top_m"]) == ("1", "2", "1.2000", "1.3000")
     assert (beam["left_m"], beam["right_m"], beam["sigma_top_m"]) == ("0.1000", "3.7000", "0.01000")
-    assert [line["element"] for line in lines if line["doubts"]] == ["bay 1 / beam 2"]
+    assert [line["element"] for line in lines if line["warnings"]] == ["bay 1 / beam 2"]
 
 
 def unseen_edge_row() -> RowMap:

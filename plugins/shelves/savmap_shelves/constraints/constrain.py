@@ -353,9 +353,9 @@ def _lowest_edge(grid: TrackGrid, section: int) -> str | None:
 def _height(edge: int, section: int, value: float, settings: GridSettings) -> Relation:
     """The height that was given for the lowest edge (its key) of a bay."""
     name = f"height of the lowest edge of bay {section}"
-    doubt = f"bay {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+    warning = f"bay {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
     common = isinstance(settings.lowest_beam_bottom_height_m, int | float)
-    return replace(known_coordinate("y", edge, value, settings.sigma_m, name, doubt), may_be_missing=common)
+    return replace(known_coordinate("y", edge, value, settings.sigma_m, name, warning), may_be_missing=common)
 
 
 def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]:

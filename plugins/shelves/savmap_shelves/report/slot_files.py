@@ -68,7 +68,7 @@ class SlotEntry(_Part):
     """Whether the depth was given in the site file, or assumed to be the usual."""
     assumed: tuple[Literal["clear height", "load height", "depth"], ...]
     """Which of these lengths nothing measured: the plugin takes them to be the usual."""
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
     """What speaks against the uprights and beams around the opening, by the row's verdict: look before its sizes are
     used."""
 
@@ -86,7 +86,7 @@ COLUMNS = [
     *("row", "frame", "bay", "level", "sign", "bay_sign"),
     *("x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m"),
     *("clear_width_m", "sigma_clear_width_m", "clear_height_m", "sigma_clear_height_m"),
-    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "assumed", "doubts"),
+    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "assumed", "warnings"),
 ]
 
 
@@ -129,7 +129,7 @@ def _entry(slot: Slot) -> dict[str, Any]:
         "depth_m": _rounded(slot.depth_m, LENGTH),
         "depth": "assumed" if slot.depth_assumed else "given",
         "assumed": list(slot.assumed),
-        "doubts": list(slot.doubts),
+        "warnings": list(slot.warnings),
     }
 
 
@@ -145,7 +145,7 @@ def _rounded(value: float, decimals: int) -> float:
 def _cells(slot: Slot) -> list[str]:
     entry = _entry(slot)
     texts = {"sign": entry.pop("signs"), "bay_sign": entry.pop("bay_signs")}
-    texts |= {key: entry.pop(key) for key in ("assumed", "doubts")}
+    texts |= {key: entry.pop(key) for key in ("assumed", "warnings")}
     axes = zip("xyz", entry.pop("centre_m"), entry.pop("sigma_centre_m"), strict=True)
     entry |= {key: value for axis, at, sigma in axes for key, value in ((f"{axis}_m", at), (f"sigma_{axis}_m", sigma))}
     entry |= {key: BETWEEN.join(several) for key, several in texts.items()}
@@ -165,7 +165,7 @@ ELEMENT_COLUMNS = [
     *(f"{side}_m" for side in SIDES),
     *(f"sigma_{side}_m" for side in SIDES),
     *(name for size in SIZES for name in (f"{size}_m", f"sigma_{size}_m")),
-    *("assumed", "doubts"),
+    *("assumed", "warnings"),
 ]
 ON_BEAMS = {"bottom": "lower", "top": "upper"}
 """What beams call these sides."""
@@ -175,7 +175,7 @@ def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
     """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes,
     m. An empty cell for what an element has not, such as an upright a bay. `assumed`: the sides that nothing measured.
     Raises OutputError."""
-    text, said = io.StringIO(), site.doubts()
+    text, said = io.StringIO(), site.warnings()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(ELEMENT_COLUMNS)
     for row in site.rows.values():

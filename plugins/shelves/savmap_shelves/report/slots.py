@@ -26,7 +26,7 @@ class Slot:
     `covariance` (3, 3). The topmost opening is open above (`clear_height` None): its centre is on its load level.
     `load_height` is that of what goods stand on above the floor. `clear_width` is None where an upright beside it was
     not mapped. Lengths are metres. `depth_m` is the rack's. `assumed`: which of these lengths rest on an edge that
-    nothing measured. `doubts`: what speaks against the uprights and beams around it.
+    nothing measured. `warnings`: what speaks against the uprights and beams around it.
     """
 
     row: str
@@ -43,7 +43,7 @@ class Slot:
     depth_m: float
     depth_assumed: bool
     assumed: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def _slots_of_row(site: SiteMap, row: RowMap, plugin: str) -> list[Slot]:
     placement = site.placements.get(row.name)
     alignment = alignment_of(site, row.name) if placement is not None or len(site.rows) == 1 else None
     is_placed = placement is not None or alignment is not None
-    said = {name: doubt for (owner, name), doubt in site.doubts().items() if owner == row.name}
+    said = {name: warning for (owner, name), warning in site.warnings().items() if owner == row.name}
     slots = [slot for bay in bays for slot in _slots_of_bay(row, plugin, bay, signs, said)]
     if not slots:
         return []
@@ -224,7 +224,7 @@ def _slots_of_bay(
             opening.floor,
             *depth,
             (*opening.assumed, *([DEPTH] if bay.depth_assumed else [])),
-            tuple(dict.fromkeys(doubt for name in (*bay.uprights, *opening.beams) for doubt in said.get(name, ()))),
+            tuple(dict.fromkeys(warning for name in (*bay.uprights, *opening.beams) for warning in said.get(name, ()))),
         )
 
 

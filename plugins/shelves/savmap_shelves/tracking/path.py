@@ -106,7 +106,7 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
         np.hypot(observations.sigma, UPRIGHT_SIGMA), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
     ])  # fmt: skip
     value = np.concatenate([np.column_stack([np.log(start[:, 0]), start[:, 1]]).ravel(), x])
-    doubt = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
+    warning = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
     known, links = len(frame), np.arange(count - 1)
     rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
     columns = np.concatenate([
@@ -120,7 +120,7 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
             np.log(ratio * s[:-1] / s[1:]),
             ratio * u[:-1] - slide - u[1:],
         ]) / sigma  # fmt: skip
-        weight = 1 / sigma / np.sqrt(1 + (misfit / doubt) ** 2)
+        weight = 1 / sigma / np.sqrt(1 + (misfit / warning) ** 2)
         by_frame = [edge[observations.edge] * s[frame], -np.ones(known), s[frame]]
         slopes = np.concatenate([*by_frame, np.ones(2 * count - 2), -np.ones(count - 1), -ratio])
         jacobian = coo_array((slopes * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()

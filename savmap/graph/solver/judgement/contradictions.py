@@ -26,9 +26,9 @@ from savmap.graph.initial.outlier_references import (
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
 from savmap.graph.solver.judgement.lookalikes import Span, spans_of
-from savmap.graph.solver.judgement.reference_tests import CONTRADICTED, off_by, solved_references
+from savmap.graph.solver.judgement.reference_tests import off_by, solved_references
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
-from savmap.types import Doubt, Floats, ReferenceUse
+from savmap.types import Floats, MapWarning, ReferenceUse
 
 KNOWN_M = 0.05
 UNCHECKED_SIGMA, UNKNOWN_M = 5.0, 1.0
@@ -44,8 +44,9 @@ LEAST_LEFT = 4
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 MIDDLE = (0.1, 0.9)
-"""Quantiles of what was measured between which the place of a doubt lies."""
+"""Quantiles of what was measured between which the place of a warning lies."""
 LOOSELY, UNCHECKED = "nothing would notice an error", "nothing checks"
+Place = tuple[float, float, float]
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
 UNIT_SIGMA, BY_CHANCE = 2.0, 0.05
 """A value is taken to be in another unit where it is right in that to so many standard deviations, and where a wrong value would be so in one of
@@ -62,7 +63,7 @@ class Judgement:
     problem: Problem
     mistaken: Names = frozenset()
     notes: tuple[str, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[MapWarning, ...] = ()
     unchecked: tuple[str, ...] = ()
     given: Problem | None = None
 
@@ -101,7 +102,7 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     explained = _merged(agreed, spans, _possible(problem, agreed, _explanations(problem, agreed, spans)))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
-        return Judgement(problem, doubts=tuple(granted), unchecked=tuple(unchecked))
+        return Judgement(problem, warnings=tuple(granted), unchecked=tuple(unchecked))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
     lines = [f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}" for name, out in suspects]
@@ -208,29 +209,27 @@ def _left_out(
 ) -> Judgement:
     """Without the `wrong` ones of those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
     a note."""
-    notes, doubts = list[str](), list[Doubt]()
+    notes, warnings = list[str](), list[MapWarning]()
     for name in sorted(wrong):
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         place = _place(problem, soft, relation)
         if relation is not None and _is_of_another(relation, otherwise):
             notes.append(line_of(relation, otherwise))
-            harmless, doubt = relation.may_be_missing, not_seen(relation, otherwise, place)
+            harmless, warning = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
             line = f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}: it is not used"
             notes.append(f"{line}; measure it again")
-            unit, harmless = _unit_of(agreed, name, out), False
-            action = f"give it in metres, not in {unit}: {name}" if unit else f"measure it again: {name}"
-            details = (line, *_missing(problem, agreed, name, out))
-            doubt = Doubt("reference", CONTRADICTED, (), place, None, False, _off(agreed, name, out), action, details)
+            harmless, details = False, (line, *_missing(problem, agreed, name, out))
+            warning = _conflict(agreed, (name,), (name, out), details, place)
         if doubted and not harmless:
-            doubts.append(doubt)
-    if len(doubts) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
-        figure, action = f"{len(doubts)} of {len(agreed.all_names)}", "check that they are of this row, and its `side`"
-        doubts.insert(0, Doubt("reference", "many references do not fit the pictures", figure=figure, action=action))
-    doubts += _granted(problem, agreed, out)
+            warnings.append(warning)
+    if len(warnings) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
+        line = f"{len(warnings)} of {len(agreed.all_names)} contradict the rest: check that they are of this row, and its `side`"
+        warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
+    warnings += _granted(problem, agreed, out)
     unchecked = tuple(_unchecked(problem, agreed, out))
-    return Judgement(without(problem, wrong), notes=tuple(notes), doubts=tuple(doubts), unchecked=unchecked)
+    return Judgement(without(problem, wrong), notes=tuple(notes), warnings=tuple(warnings), unchecked=unchecked)
 
 
 def _is_of_another(relation: Relation, otherwise: float) -> bool:
@@ -247,18 +246,9 @@ def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Na
     odd = {
         name: f"{_line(agreed, name, out)}: it is used, for what was seen looks odd" for name in sorted(mistaken - flat)
     }
-    doubts = tuple(
-        Doubt(
-            "reference",
-            "what was seen does not fit its reference",
-            figure=_off(agreed, name, out),
-            action=f"look at what was mapped: {name}",
-            details=(line,),
-        )
-        for name, line in odd.items()
-    )
+    warnings = tuple(_conflict(agreed, (name,), (name, out), (line,)) for name, line in odd.items())
     notes += odd.values()
-    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes), doubts=(*found.doubts, *doubts))
+    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes), warnings=(*found.warnings, *warnings))
 
 
 def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:
@@ -279,15 +269,8 @@ def _uncertain(
         *_or_the_camera(problem),
     )
     worst = max(suspects, key=lambda one: wider[one[0]])
-    names = " or ".join(name for name, _ in suspects[:NAMED])
-    doubt = Doubt(
-        "reference",
-        "references contradict one another",
-        figure=_off(agreed, *worst),
-        action=f"measure them again: {names}",
-        details=details,
-    )
-    return Judgement(with_sigmas(problem, wider), notes=(doubt.line,), doubts=(doubt,))
+    warning = _conflict(agreed, [name for name, _ in suspects], worst, details)
+    return Judgement(with_sigmas(problem, wider), notes=(warning.line,), warnings=(warning,))
 
 
 def _or_the_camera(problem: Problem) -> Iterator[str]:
@@ -335,8 +318,8 @@ def _unnoticed(agreed: Agreement, names: Names, out: Names) -> float:
     return (agreed.critical + SURELY) * agreed.common_error(names, out)
 
 
-def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[Doubt]:
-    """A doubt about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
+def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[MapWarning]:
+    """A warning about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
     names = dict.fromkeys(
         relation.name for relation in problem.relations if relation.presumed and relation.name not in out
     )
@@ -344,10 +327,9 @@ def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[Doubt]
         if _is_alone(agreed, frozenset({name}), out):
             why = (
                 f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods may hide it, and the map is wrong "
-                "by as much then"
+                "by as much then; give a length, or a height on the structure"
             )
-            what, action = "nobody measured what gives scale or place", "give a length, or a height on the structure"
-            yield Doubt("reference", what, action=action, details=(why,))
+            yield MapWarning("doubtful-scale", (name,), details=(why,))
 
 
 def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
@@ -370,10 +352,17 @@ def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
     return any(is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]) for name, out in suspects)
 
 
-def _off(agreed: Agreement, name: str, out: Names) -> str:
-    """By how much a reference is off what the rest says, and by how many standard deviations of both."""
-    use, (otherwise, sigma) = _given(agreed, name), agreed.rest(name, out)
-    return off_by(otherwise - use.value, float(np.hypot(use.sigma, sigma)))
+def _conflict(
+    agreed: Agreement,
+    names: Sequence[str],
+    worst: tuple[str, Names],
+    details: Sequence[str],
+    place: Place | None = None,
+) -> MapWarning:
+    """The warning about references that contradict the rest, of which one is the furthest off without some others."""
+    use, (otherwise, sigma) = _given(agreed, worst[0]), agreed.rest(*worst)
+    figure, off = off_by(otherwise - use.value, float(np.hypot(use.sigma, sigma))), abs(otherwise - use.value)
+    return MapWarning("reference-conflict", tuple(names), figure, place, details=tuple(details), size=off)
 
 
 def _line(agreed: Agreement, name: str, out: Names) -> str:
@@ -412,7 +401,7 @@ def _given(agreed: Agreement, name: str) -> ReferenceUse:
     return ReferenceUse(name, float(agreed.values[index]), float(agreed.sigmas[index]), float("nan"))
 
 
-def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> tuple[float, float, float] | None:
+def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> Place | None:
     """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are put beside the rest."""
     if relation is None:
         return None

@@ -13,7 +13,6 @@ from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.residuals import Fit
 from savmap.types import Floats, ReferenceUse
 
-CONTRADICTED = "a reference contradicts the rest"
 GROSS_SIGMA = 5.0
 LEAST_SPARE = 1e-6
 VAGUE_M, VAGUE_SHARE = 0.25, 0.1

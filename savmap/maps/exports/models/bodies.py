@@ -120,13 +120,13 @@ def _is_ear(flat: Floats, left: list[int], corners: list[int]) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A structure in the world's frame, its body (None: it is lines, or points), and what is doubted of it."""
+    """A structure in the world's frame, its body (None: it is lines, or points), and what is warned of it."""
 
     row: str
     plugin: str
     structure: Structure
     body: Body | None
-    doubts: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def assumed(self) -> bool:
@@ -162,13 +162,13 @@ def depth_note(rows: Sequence[RowParts]) -> str:
 
 def parts_of(site: SiteMap) -> list[RowParts]:
     """All rows of a map that have structures. Raises OutputError where rows have no common frame."""
-    doubts = site.doubts()
+    warnings = site.warnings()
 
     def parts(group: Iterator[Element]) -> Iterator[Part]:
         for element in group:
             structure = element.structure
             body = None if structure.solid is None else body_of(structure.solid)
-            said = tuple(doubts.get((element.row, structure.id), ()))
+            said = tuple(warnings.get((element.row, structure.id), ()))
             yield Part(element.row, element.plugin, structure, body, said)
 
     rows = groupby(elements(site), key=lambda element: element.row)

@@ -154,7 +154,7 @@ def _part_node(part: Part, place: Floats) -> Entry:
         "attributes": attributes(structure),
         "vertices": vertices,
         "ifc_class": part.ifc_class,
-        "doubts": list(part.doubts),
+        "warnings": list(part.warnings),
     }
     assumed = {} if part.body is None else {"depth_assumed": part.assumed}
     translation = [float(value) for value in in_scene(place)]

@@ -162,7 +162,7 @@ class _Model:
             "Id": structure.id,
             "Label": structure.label,
             "DepthAssumed": None if part.body is None else part.assumed,
-            "Doubts": list(part.doubts),
+            "Warnings": list(part.warnings),
             "VertexLabels": list(structure.vertex_labels),
             **{f"Vertex{axis}": structure.vertices[:, k].round(6).tolist() for k, axis in enumerate("XYZ")},
             **{f"Sigma{axis}": spread[:, k].round(6).tolist() for k, axis in enumerate("XYZ")},

@@ -178,8 +178,8 @@ def _facts(part: Part) -> Iterator[str]:
         yield f"custom token savmap:ifcClass = {quoted(part.ifc_class)}"
     if part.body is not None:
         yield f"custom bool savmap:depthAssumed = {'true' if part.assumed else 'false'}"
-    if part.doubts:
-        yield f"custom string[] savmap:doubts = [{', '.join(map(quoted, part.doubts))}]"
+    if part.warnings:
+        yield f"custom string[] savmap:warnings = [{', '.join(map(quoted, part.warnings))}]"
     yield f"custom string[] savmap:vertexLabels = [{', '.join(map(quoted, structure.vertex_labels))}]"
     yield f"custom double3[] savmap:vertices = [{_vectors(structure.vertices)}]"
     yield f"custom double3[] savmap:sigmas = [{_vectors(sigmas(structure))}]"

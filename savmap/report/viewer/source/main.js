@@ -7,7 +7,7 @@ import { Finder } from "./page/finder.js";
 import { Frame } from "./page/frame.js";
 import { listenToKeys } from "./page/keys.js";
 import { Lookout } from "./page/lookout.js";
-import { showDoubts, showLegend } from "./page/panels.js";
+import { showWarnings, showLegend } from "./page/panels.js";
 import { Pointer } from "./page/pointer.js";
 import { Ruler } from "./page/ruler.js";
 import { Selection } from "./page/selection.js";
@@ -54,8 +54,8 @@ class Viewer {
     buildBanner(this);
     listenToKeys(this);
     this.stage.start();
-    const doubted = this.site.rows.some((row) => row.doubts.length);
-    this.setMode(this.site.dates ? "change" : doubted ? "verdict" : "label");
+    const warned = this.site.rows.some((row) => row.warnings.length);
+    this.setMode(this.site.dates ? "change" : warned ? "verdict" : "label");
     this.setRow(this.row);
     this.setKind(this.row.face ?? this.row.before?.face ? "face" : "model");
     this.dates.show("both");
@@ -103,7 +103,7 @@ class Viewer {
     this.row = row;
     byId("row").value = String(row.index);
     this.model.focus(row);
-    showDoubts(row, this.site.rows, (doubt) => this.selection.openDoubt(doubt));
+    showWarnings(row, this.site.rows, (warning) => this.selection.openWarning(warning));
     this.stage.resize();
     this.hangPhotos();
     this.lookout.follow(row);

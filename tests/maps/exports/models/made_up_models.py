@@ -9,9 +9,9 @@ import numpy as np
 from savmap.maps.exports.frames import elements
 from savmap.types import (
     Alignment,
-    Doubt,
     Floats,
     FrameTable,
+    MapWarning,
     Measured,
     Placement,
     RowMap,
@@ -67,10 +67,14 @@ def things() -> tuple[Structure, ...]:
     )
 
 
+def warning_of(name: str) -> MapWarning:
+    return MapWarning("uncertain-element", (name,), "P 0.43")
+
+
 def row(name: str, parts: Sequence[Structure]) -> RowMap:
-    """A row of these structures, of which the first is doubted."""
+    """A row of these structures, of which the first is warned of."""
     path = Trajectory(np.arange(2), np.tile(np.eye(4), (2, 1, 1)), np.full((2, 3), 0.01))
-    verdict = Verdict((Doubt("support", "seen too rarely", (parts[0].id,)),)) if parts else None
+    verdict = Verdict((warning_of(parts[0].id),)) if parts else None
     table = FrameTable(np.arange(2.0), ("pass 1",) * 2)
     return RowMap(name, table, {}, path, {"things": tuple(parts)}, (), verdict=verdict)
 

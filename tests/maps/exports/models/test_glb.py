@@ -24,6 +24,7 @@ from .made_up_models import (
     readable,
     row,
     things,
+    warning_of,
 )
 
 
@@ -98,7 +99,7 @@ def test_nodes_say_what_is_known() -> None:
         "far": 10**12,
     }
     assert (extras["label"], extras["depth_assumed"], extras["ifc_class"]) == ("post", True, "IfcColumn")
-    assert extras["doubts"] == ["seen too rarely"]
+    assert extras["warnings"] == [warning_of("post 1").line]
     assert nodes["post 2"]["extras"]["depth_assumed"] is False
     assert extras["vertices"][0]["sigma_m"] == [0.01, 0.02, 0.03]
     assert extras["vertices"][2] == {

@@ -22,6 +22,7 @@ from .made_up_models import (
     readable,
     row,
     things,
+    warning_of,
 )
 
 pytestmark = pytest.mark.extra("bim")
@@ -99,7 +100,7 @@ def test_elements_say_what_they_are(name: str, tmp_path: Path) -> None:
         **{"Plugin": "things", "Id": "post 1", "Label": "post", "DepthAssumed": True}
     }
     assert [said[key] for key in ("SigmaX", "SigmaY", "SigmaZ")] == [[0.01] * 4, [0.03] * 4, [0.02] * 4]
-    assert said["Doubts"] == ["seen too rarely"]
+    assert said["Warnings"] == [warning_of("post 1").line]
     attributes = element.get_psets(post)["Savmap_Attributes"]
     assert (attributes["number"], attributes["width_m"], attributes["width_m sigma"]) == (7, 0.1, 0.005)
 
@@ -159,7 +160,7 @@ def test_a_list_has_values_of_one_type(tmp_path: Path) -> None:
     file = opened(SiteMap({"A": row("A", [replace(part, vertex_labels=labels)])}, {}), tmp_path / "map.ifc")
     lists = {one.Name: {value.is_a() for value in one.ListValues} for one in file.by_type("IfcPropertyListValue")}
     assert lists["VertexLabels"] == {"IfcText"}
-    assert lists["Doubts"] == {"IfcLabel"}
+    assert lists["Warnings"] == {"IfcLabel"}
     assert lists["VertexX"] == {"IfcLengthMeasure"}
 
 

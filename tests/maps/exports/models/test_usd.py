@@ -21,6 +21,7 @@ from .made_up_models import (
     readable,
     row,
     things,
+    warning_of,
 )
 
 pytestmark = pytest.mark.extra("usd")
@@ -75,7 +76,7 @@ def test_prims_say_what_is_known(form: str, tmp_path: Path) -> None:
     assert list(UsdSemantics.LabelsAPI(post, "class").GetLabelsAttr().Get()) == ["post"]
     known = {name: post.GetAttribute(f"savmap:{name}").Get() for name in ("depthAssumed", "ifcClass", "plugin")}
     assert known == {"depthAssumed": True, "ifcClass": "IfcColumn", "plugin": "things"}
-    assert list(post.GetAttribute("savmap:doubts").Get()) == ["seen too rarely"]
+    assert list(post.GetAttribute("savmap:warnings").Get()) == [warning_of("post 1").line]
     np.testing.assert_allclose(post.GetAttribute("savmap:sigmas").Get()[0], [0.01, 0.03, 0.02], atol=1e-9)
     assert post.GetAttribute("savmap:attributes:far").Get() == 10**12
     assert post.GetAttribute("savmap:attributes:width_m_sigma").Get() == 0.005

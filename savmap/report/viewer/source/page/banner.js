@@ -12,8 +12,8 @@ export function buildBanner(viewer) {
   banner.addEventListener("click", () => {
     viewer.goToRow(toCheck(site));
     viewer.setMode("verdict");
-    byId("side").scrollTop = byId("doubted").offsetTop;
-    byId("doubts").querySelector("button")?.focus({ preventScroll: true });
+    byId("side").scrollTop = byId("warned").offsetTop;
+    byId("warnings").querySelector("button")?.focus({ preventScroll: true });
   });
   byId("notice-close").setAttribute("aria-label", text.close);
   byId("notice-close").addEventListener("click", () => tell(""));

@@ -39,7 +39,7 @@ function buildRows(viewer) {
 
 function nameOf(row) {
   const dated = row.only ? ` (${text.states[row.gone ? "missing" : "new"]})` : "";
-  return `${text.row(row.name)}${dated}${row.doubts.length ? " !" : ""}`;
+  return `${text.row(row.name)}${dated}${row.warnings.length ? " !" : ""}`;
 }
 
 export function showKind(kind) {

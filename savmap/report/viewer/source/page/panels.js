@@ -1,9 +1,9 @@
-// The panels beside the view: selection, measure, doubts, notes, colours, help.
+// The panels beside the view: selection, measure, warnings, notes, colours, help.
 import { copyButton } from "./copy.js";
 import { byId, element, fill } from "./dom.js";
 import { assumedLines, attributeLines, plainText, testedLines } from "./figures.js";
 import { colourOfState } from "../scene/colours.js";
-import { PART, doubtsOf } from "../site/data.js";
+import { PART, warningsOf } from "../site/data.js";
 import { metres, millimetres } from "../site/measure.js";
 import { text } from "../text.js";
 
@@ -39,7 +39,7 @@ export function showSelection(selection, frame) {
     panel,
     heading(one.written[0] ?? one.id, below.filter(Boolean).join(", ")),
     plain ? element("p", { className: "plain" }, plain) : null,
-    doubtList(doubtsOf(one), (doubt) => selection.openDoubt(doubt)),
+    warningList(warningsOf(one), (warning) => selection.openWarning(warning)),
     ...sinceThen(one),
     table([...frame.lines(one), ...assumedLines(one), ...facts(one), ...whole(one, open)]),
     element("p", { className: "hint", id: "axes" }, frame.axes(row)),
@@ -138,14 +138,14 @@ const pointLine = ({ label, at }) => element("p", { className: "point" }, label,
 
 export const distanceText = (result) => `${metres(result.distance)} \u00b1 ${millimetres(result.sigma)}`;
 
-export function showDoubts(row, rows, open) {
-  const { doubts } = row;
-  byId("h-doubts").textContent = rows.length > 1 ? text.doubtsOf(row.name) : text.doubts;
-  byId("doubt-count").textContent = doubts.length ? String(doubts.length) : "";
-  const none = element("p", { className: "hint" }, text.noDoubts(row.grade));
-  const rest = doubts.length - MOST_PRINTED;
-  const more = rest > 0 ? element("p", { className: "hint on-paper" }, text.moreDoubts(rest)) : null;
-  fill(byId("doubts"), doubts.length ? doubtList(doubts, open) : none, more, folded(text.remarks, row.remarks));
+export function showWarnings(row, rows, open) {
+  const { warnings } = row;
+  byId("h-warnings").textContent = rows.length > 1 ? text.warningsOf(row.name) : text.warnings;
+  byId("warning-count").textContent = warnings.length ? String(warnings.length) : "";
+  const none = element("p", { className: "hint" }, text.noWarnings(row.grade));
+  const rest = warnings.length - MOST_PRINTED;
+  const more = rest > 0 ? element("p", { className: "hint on-paper" }, text.moreWarnings(rest)) : null;
+  fill(byId("warnings"), warnings.length ? warningList(warnings, open) : none, more, folded(text.remarks, row.remarks));
 }
 
 function folded(title, lines) {
@@ -154,17 +154,17 @@ function folded(title, lines) {
 }
 
 // Warnings: what in a few words, a figure, what to do; the rest is folded.
-function doubtList(doubts, open) {
-  if (!doubts.length) return null;
+function warningList(warnings, open) {
+  if (!warnings.length) return null;
   const line = (said, className) => (said ? element("span", { className }, said) : null);
-  const lines = doubts.map((doubt) => {
-    const { headline, figure, action, details } = doubt,
-      told = link("", () => open(doubt));
+  const lines = warnings.map((warning) => {
+    const { code, headline, figure, action, details } = warning,
+      told = link("", () => open(warning));
     told.append(element("strong", {}, headline));
-    const parts = [line(doubt.of_row ? text.ofRow : "", "tag"), line(figure, "figure"), line(action, "action")];
+    const parts = [line(code, "tag"), line(warning.of_row ? text.ofRow : "", "tag"), line(figure, "figure"), line(action, "action")];
     return element("li", {}, told, ...parts, folded(text.details, details));
   });
-  return element("ul", { className: "list doubts" }, ...lines);
+  return element("ul", { className: "list warnings" }, ...lines);
 }
 
 export function showLegend({ legend, ramp }) {

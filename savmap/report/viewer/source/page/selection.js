@@ -1,4 +1,4 @@
-// What is selected, by a click, a key, a doubt, or the address after #, which names it.
+// What is selected, by a click, a key, a warning, or the address after #, which names it.
 import { tell } from "./banner.js";
 import { byId } from "./dom.js";
 import { showSelection } from "./panels.js";
@@ -64,13 +64,13 @@ export class Selection {
     if (address) this.openAddress(address);
   }
 
-  openDoubt(doubt) {
+  openWarning(warning) {
     const { row, view, lookout } = this.viewer,
-      { elements } = doubt;
-    if (elements.length) this.open(elements, elements[0].key, doubt.headline);
-    else if (doubt.place) this.flyTo(row, doubt.place);
+      { elements } = warning;
+    if (elements.length) this.open(elements, elements[0].key, warning.headline);
+    else if (warning.place) this.flyTo(row, warning.place);
     else view.fly(boxInSite(row));
-    if (doubt.frame !== null && lookout.open) lookout.lookFromFrame(row, doubt.frame, elements);
+    if (warning.frame !== null && lookout.open) lookout.lookFromFrame(row, warning.frame, elements);
   }
 
   // To a place in a row, with what is around it.

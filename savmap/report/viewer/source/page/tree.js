@@ -115,7 +115,7 @@ export class Tree {
 
 function rowBranch(row) {
   const elements = row.elements.filter((one) => one.date === dateOf(row));
-  const warned = row.doubts.length > 0;
+  const warned = row.warnings.length > 0;
   return { label: text.row(row.name), warned, elements, row, parts: () => partsOf(row, elements) };
 }
 
@@ -138,11 +138,11 @@ function partsOf(row, elements) {
 }
 
 function folder(label, elements, key) {
-  const warned = elements.some((one) => one.row.doubtful.has(one));
+  const warned = elements.some((one) => one.row.warnedElements.has(one));
   return { label, warned, elements, key, name: label, parts: () => elements.map(leaf) };
 }
 
 function leaf(one) {
   const label = one.written.length ? `${one.short}: ${one.written[0]}` : one.short;
-  return { label, warned: one.row.doubtful.has(one), elements: [one], key: one.key, name: "" };
+  return { label, warned: one.row.warnedElements.has(one), elements: [one], key: one.key, name: "" };
 }

@@ -139,7 +139,7 @@ function byVerdict(site) {
   const { grey, good, check, ofRow } = shades;
   const of = (one) => {
     if (one.row.grade === null || one.date === "old") return grey;
-    return one.row.doubtful.has(one) ? check : one.row.doubted ? ofRow : good;
+    return one.row.warnedElements.has(one) ? check : one.row.warnedAsWhole ? ofRow : good;
   };
   const legend = [
     [good, text.trusted],

@@ -37,7 +37,7 @@ function rowOf(site, entry, names) {
     placementCovariance: entry.placement_covariance,
     aligned: entry.aligned,
     grade: entry.grade,
-    doubts: entry.doubts,
+    warnings: entry.warnings,
     remarks: entry.remarks,
     positions: Float64Array.from(entry.positions.concat(before?.positions ?? []), (value) => value * UNIT_M),
     covariances: Float64Array.from(entry.covariances.concat(before?.covariances ?? [])),
@@ -65,9 +65,9 @@ function rowOf(site, entry, names) {
   if (row.before) Object.assign(row.before, { stills: before.stills, path: pathOf(before.frames) });
   row.only = row.gone ? "old" : isNew ? "new" : null; // the one date that has it
   row.box = boxOf(row.positions);
-  for (const doubt of row.doubts) doubt.elements = doubtedOf(row, doubt);
-  row.doubtful = new Set(row.doubts.flatMap((doubt) => doubt.elements));
-  row.doubted = row.doubts.some((doubt) => doubt.of_row); // as a whole
+  for (const warning of row.warnings) warning.elements = warnedOf(row, warning);
+  row.warnedElements = new Set(row.warnings.flatMap((warning) => warning.elements));
+  row.warnedAsWhole = row.warnings.some((warning) => warning.of_row); // as a whole
   for (const place of row.places) place.elements = around(row, place);
   return row;
 }
@@ -88,8 +88,8 @@ function around(row, { id, whole, box }) {
 }
 
 // The warnings that an element has: its own, and the row's.
-export const doubtsOf = (one) =>
-  one.date === "old" ? [] : one.row.doubts.filter((doubt) => doubt.of_row || doubt.elements.includes(one));
+export const warningsOf = (one) =>
+  one.date === "old" ? [] : one.row.warnings.filter((warning) => warning.of_row || warning.elements.includes(one));
 
 function elementOf(row, part, first, names, date) {
   const cut = part.id.lastIndexOf(PART);
@@ -130,12 +130,12 @@ function keyApart(row) {
       for (const one of alike) one.key = `${row.name}/${one.date === "old" ? OLD : ""}${one.plugin}/${one.id}`;
 }
 
-// The elements of a row that a doubt names: of those of one name, which plugins may give twice, that which is nearest to its place.
-function doubtedOf(row, doubt) {
-  const apart = (one) => Math.hypot(...one.centre.map((value, k) => value - doubt.place[k]));
-  return doubt.structures.flatMap((id) => {
+// The elements of a row that a warning names: of those of one name, which plugins may give twice, that which is nearest to its place.
+function warnedOf(row, warning) {
+  const apart = (one) => Math.hypot(...one.centre.map((value, k) => value - warning.place[k]));
+  return warning.subjects.flatMap((id) => {
     const alike = row.elements.filter((one) => one.id === id && one.date === "new");
-    return alike.length > 1 && doubt.place ? [alike.reduce((a, b) => (apart(b) < apart(a) ? b : a))] : alike;
+    return alike.length > 1 && warning.place ? [alike.reduce((a, b) => (apart(b) < apart(a) ? b : a))] : alike;
   });
 }
 
