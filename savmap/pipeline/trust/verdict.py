@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.graph import Landmark, Solution
+from savmap.graph.solver.solution import HalfDifference
 from savmap.pipeline.records import DescribedRow
 from savmap.pipeline.trust.support import Support, is_of, supports
 from savmap.types import Floats, FoundObject, MapWarning, Structure, Verdict
@@ -16,6 +17,8 @@ SURE = 0.01
 """An element exists, or does not, where its probability is so near to 1 or 0."""
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
 DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
+AROUND, ROUNDS, LEAST_M = 12, 5, 1e-4
+"""So many landmarks around one tell by how much all there differ."""
 OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
@@ -200,27 +203,70 @@ def _no_panorama(row: DescribedRow) -> Iterator[MapWarning]:
 
 
 def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[MapWarning]:
-    """A warning about each structure with a landmark that odd and even frames put in different places: by more than its
-    uncertainty, or by far more than they do the plugin's other landmarks, for an uncertainty that all of them share
-    hides what one of them has."""
+    """A warning about each structure with a landmark that odd and even frames put in different places, beside what they
+    do to those around it: by more than its uncertainty, or by far more than the plugin's other landmarks, for an
+    uncertainty that all of them share hides what one of them has. Where all around differ alike, the path of either
+    half drifts: the place is known to half of that."""
     halves = [half for half in solution.halves if half.plugin == plugin]
     if not halves:
         return
-    distances = np.abs([half.difference for half in halves])
     landmarks = solution.landmarks_of(plugin)
+    parts_of = {
+        structure.id: [k for k, half in enumerate(halves) if is_of(half.name, structure.id)] for structure in structures
+    }
+    differences = np.array([half.difference for half in halves])
+    drift = _drift(differences, np.array([landmarks[half.name].position[0] for half in halves]), parts_of)
+    distances = np.abs(differences - drift)
     sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
+    measured = sigmas < UNKNOWN_M
     strict = np.where(distances > DISAGREE_M, distances / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
     usual = np.where(distances > OUTLIER_M, distances / (_usual_limit(distances / sigmas) * sigmas), 0.0)
-    excess = np.where(sigmas < UNKNOWN_M, np.maximum(strict, usual), 0.0)
+    excess = np.where(measured, np.maximum(strict, usual), 0.0)
+    drift_m = np.where(measured, np.abs(drift), 0.0)
     for structure in structures:
-        parts = [k for k, half in enumerate(halves) if is_of(half.name, structure.id)]
-        if parts and excess[parts].max() > 1:
-            worst = parts[int(np.argmax(excess[parts].max(axis=1)))]
-            axis = int(np.argmax(excess[worst]))
-            figure, size = f"{100 * distances[worst, axis]:.1f} cm apart", float(distances[worst, axis])
-            details = (f"odd and even frames put {halves[worst].name} apart along {AXES[axis]}",)
-            where = (structure.id,), figure, place_of(structure)
-            yield MapWarning("inconsistent-element", *where, details=details, size=size)
+        parts = parts_of[structure.id]
+        if (worst := _worst(excess, parts)) is not None:
+            said = _halves_apart(halves, worst, float(distances[worst]))
+            yield MapWarning("inconsistent-element", (structure.id,), said[0], place_of(structure), None, *said[1:])
+        elif (worst := _worst(drift_m / (HALVES * VAGUE_M), parts)) is not None:
+            said = _halves_apart(halves, worst, float(drift_m[worst]))
+            yield MapWarning("inaccurate-element", (structure.id,), said[0], place_of(structure), None, *said[1:])
+
+
+def _worst(badness: Floats, parts: Sequence[int]) -> tuple[int, int] | None:
+    """Which of a structure's landmarks (n, 3) is worst, and along which axis, where that is above 1."""
+    if not parts or badness[parts].max() <= 1:
+        return None
+    part, axis = np.unravel_index(int(badness[parts].argmax()), (len(parts), 3))
+    return parts[int(part)], int(axis)
+
+
+def _halves_apart(
+    halves: Sequence[HalfDifference], worst: tuple[int, int], distance_m: float
+) -> tuple[str, tuple[str, ...], float]:
+    """Figure, details and size of a warning about what odd and even frames put apart."""
+    details = (f"odd and even frames put {halves[worst[0]].name} apart along {AXES[worst[1]]}",)
+    return f"{100 * distance_m:.1f} cm apart", details, distance_m
+
+
+def _drift(differences: Floats, x: Floats, parts_of: Mapping[str, Sequence[int]]) -> Floats:
+    """What the differences (n, 3) of landmarks at x (n,) have in common with those of other structures nearby: a line
+    along x through the nearest ones, by least absolute deviations."""
+    common = np.zeros_like(differences)
+    for parts in parts_of.values():
+        others = np.setdiff1d(np.arange(len(x)), parts)
+        for part in parts if len(others) >= AROUND else ():
+            nearest = others[np.argsort(np.abs(x[others] - x[part]), kind="stable")[:AROUND]]
+            along = np.stack([np.ones(AROUND), x[nearest] - x[part]], axis=1)
+            for axis in range(3):
+                weights = np.ones(AROUND)
+                for _ in range(ROUNDS):
+                    line = np.linalg.lstsq(along * weights[:, None], differences[nearest, axis] * weights, rcond=None)[
+                        0
+                    ]
+                    weights = 1 / np.sqrt(np.maximum(np.abs(differences[nearest, axis] - along @ line), LEAST_M))
+                common[part, axis] = line[0]
+    return common
 
 
 def _usual_limit(ratios: Floats) -> Floats:
