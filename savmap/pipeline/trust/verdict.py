@@ -9,7 +9,7 @@ from savmap.graph import Landmark, Solution
 from savmap.graph.solver.solution import HalfDifference
 from savmap.pipeline.records import DescribedRow
 from savmap.pipeline.trust.support import Support, is_of, supports
-from savmap.types import Floats, FoundObject, MapWarning, Structure, Verdict
+from savmap.types import Bools, Floats, FoundObject, MapWarning, Structure, Verdict
 from savmap.video.course import ASTRAY_DEG, TURNED_DEG
 from savmap.video.motion import wrapped
 
@@ -17,8 +17,8 @@ SURE = 0.01
 """An element exists, or does not, where its probability is so near to 1 or 0."""
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
 DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
-AROUND, ROUNDS, LEAST_M = 12, 5, 1e-4
-"""So many landmarks around one tell by how much all there differ."""
+AROUND, ROUNDS, LEAST_M, SLOPE_M2, TINY = 12, 30, 1e-4, 1e-2, 1e-12
+"""So many landmarks around one tell by how much all there differ; those within a decimetre tell no slope."""
 OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
@@ -215,10 +215,11 @@ def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: s
         structure.id: [k for k, half in enumerate(halves) if is_of(half.name, structure.id)] for structure in structures
     }
     differences = np.array([half.difference for half in halves])
-    drift = _drift(differences, np.array([landmarks[half.name].position[0] for half in halves]), parts_of)
-    distances = np.abs(differences - drift)
     sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
-    measured = sigmas < UNKNOWN_M
+    measured = np.asarray(sigmas < UNKNOWN_M)
+    x = np.array([landmarks[half.name].position[0] for half in halves])
+    drift = _drift(differences, measured, x, parts_of)
+    distances = np.abs(differences - drift)
     strict = np.where(distances > DISAGREE_M, distances / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
     usual = np.where(distances > OUTLIER_M, distances / (_usual_limit(distances / sigmas) * sigmas), 0.0)
     excess = np.where(measured, np.maximum(strict, usual), 0.0)
@@ -249,24 +250,27 @@ def _halves_apart(
     return f"{100 * distance_m:.1f} cm apart", details, distance_m
 
 
-def _drift(differences: Floats, x: Floats, parts_of: Mapping[str, Sequence[int]]) -> Floats:
+def _drift(differences: Floats, measured: Bools, x: Floats, parts_of: Mapping[str, Sequence[int]]) -> Floats:
     """What the differences (n, 3) of landmarks at x (n,) have in common with those of other structures nearby: a line
-    along x through the nearest ones, by least absolute deviations."""
-    common = np.zeros_like(differences)
-    for parts in parts_of.values():
-        others = np.setdiff1d(np.arange(len(x)), parts)
-        for part in parts if len(others) >= AROUND else ():
-            nearest = others[np.argsort(np.abs(x[others] - x[part]), kind="stable")[:AROUND]]
-            along = np.stack([np.ones(AROUND), x[nearest] - x[part]], axis=1)
-            for axis in range(3):
-                weights = np.ones(AROUND)
-                for _ in range(ROUNDS):
-                    line = np.linalg.lstsq(along * weights[:, None], differences[nearest, axis] * weights, rcond=None)[
-                        0
-                    ]
-                    weights = 1 / np.sqrt(np.maximum(np.abs(differences[nearest, axis] - along @ line), LEAST_M))
-                common[part, axis] = line[0]
-    return common
+    along x through the nearest ones, as far as they were `measured` (n, 3), by least absolute deviations."""
+    owner = np.full(len(x), -1)
+    for number, parts in enumerate(parts_of.values()):
+        owner[list(parts)] = number
+    away = np.where(owner[:, None] == owner, np.inf, np.abs(x[:, None] - x))
+    nearest = np.argsort(away, axis=1, kind="stable")[:, :AROUND]
+    if np.isinf(np.take_along_axis(away, nearest, axis=1)).any() or nearest.shape[1] < AROUND:
+        return np.zeros_like(differences)
+    along, gaps = (x[nearest] - x[:, None])[..., None], differences[nearest]
+    weights = counted = np.take(measured, nearest, axis=0).astype(np.float64)
+    for _ in range(ROUNDS):
+        total, first, second = weights.sum(axis=1), (weights * along).sum(axis=1), (weights * along**2).sum(axis=1)
+        mean, product = (weights * gaps).sum(axis=1), (weights * along * gaps).sum(axis=1)
+        steep = second + SLOPE_M2 * total
+        here = (steep * mean - first * product) / np.maximum(steep * total - first**2, TINY)
+        slope = (product - first * here) / np.maximum(steep, TINY)
+        residuals = gaps - here[:, None] - slope[:, None] * along
+        weights = counted / np.maximum(np.abs(residuals), LEAST_M)
+    return np.asarray(here)
 
 
 def _usual_limit(ratios: Floats) -> Floats:
