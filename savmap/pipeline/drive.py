@@ -291,7 +291,7 @@ class RowWalk:
         self.attitudes: dict[str, Floats] = {}
         self.features: dict[str, list[Feature]] = {plugin.name: [] for plugin in self.plugins}
         self.packed_views: dict[str, list[PackedView]] = {
-            plugin.name: [] for plugin in self.plugins if plugin.has("planes")
+            plugin.name: [] for plugin in self.plugins if plugin.has("find")
         }
         self.locators: set[str] = set()
         self.notes: list[str] = [
@@ -450,14 +450,17 @@ class RowWalk:
         self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]
     ) -> tuple[FrameRecord, dict[str, dict[str, bytes]]]:
         """All plugins' features in a frame's views, and these packed; what networks gave for them, by plugin and
-        view."""
+        view. Of what is found in all frames and measured later, only as much as locates the camera is extracted here,
+        from masks."""
         features: dict[str, list[Feature]] = {name: [] for name in self.features}
         packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
         maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
         for view in views:
             for plugin in self._plugins_at(view):
-                detections = self.segmenters.detect(plugin, view)
-                features[plugin.name] += plugin.extract_features(view, detections, panorama)
+                if plugin.name not in packed_views or plugin.name in self.locators:
+                    detections = self.segmenters.detect(plugin, view)
+                    pixels = panorama if plugin.name not in packed_views else None
+                    features[plugin.name] += plugin.extract_features(view, detections, pixels)
                 if plugin.name in packed_views:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))

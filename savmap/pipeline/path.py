@@ -1,24 +1,22 @@
-"""Where the camera is taken to be before anything is solved, and where it was by what a plugin alone tracked."""
+"""Where the camera is taken to be before anything is solved, and where it was by what was measured of one plugin."""
 
 import logging
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 
 from savmap import graph
-from savmap.errors import PluginFailedError, SiteError, SolveError, StructureError
+from savmap.errors import StructureError
 from savmap.graph import CameraPriors, References, camera_priors, published_start
-from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow
+from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Feature, Floats, PlanePatch, Trajectory
+from savmap.types import Floats, Trajectory
 from savmap.vision.attitude import attitudes
-from savmap.vision.evidence import FloorHeight, floor_before
 
 SPEED_MPS = 1.0
-UPRIGHT = 0.99
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
 
@@ -67,54 +65,18 @@ def attitudes_of(measurements: RowMeasurements) -> Floats:
     return attitudes(edges, measurements.facts.views, first)
 
 
-class PluginAlone:
-    """A plugin and where the camera was by what it alone tracked, worked out once for the same features.
-    `floor_share`: how high the camera is over the floor, as a share of its distance from the plugin's upright plane,
-    where the pictures told."""
-
-    def __init__(self, row: RowRequest, plugin: LoadedPlugin) -> None:
-        self.row, self.plugin = row, plugin
-        self.floor_share: float | None = None
-        self._features: Sequence[Feature] | None = None
-        self._located: graph.LocatedCamera | None = None
-        self._without_floor: graph.LocatedCamera | None = None
-
-    def located(self, measurements: RowMeasurements) -> graph.LocatedCamera | None:
-        """The camera's path and the landmarks; None where the plugin cannot be tracked at all.
-
-        The scale of the path may be an assumed one: no reference is used, for other references are no reason to look
-        again.
-        """
-        features = measurements.features[self.plugin.name]
-        if features is not self._features:
-            self._features, self._located = features, self._locate(features, measurements)
-        return self._located
-
-    def floor(self, walked: WalkedRow, located: graph.LocatedCamera) -> tuple[PlanePatch, FloorHeight] | None:
-        """The first upright plane of the plugin's, and the floor before it, where the pictures tell."""
-        points = located.points[self.plugin.name]
-        face = next((plane for plane in self.plugin.planes(points) if plane.up[1] > UPRIGHT), None)
-        if face is None or located is self._without_floor:
-            return None
-        places = np.array([*points.values()])
-        height = floor_before(face, places, walked.floor, walked.floor_views, located.path, self.floor_share)
-        if height is None:
-            self._without_floor = located
-            return None
-        self.floor_share = height.share
-        return face, height
-
-    def _locate(self, features: Sequence[Feature], measurements: RowMeasurements) -> graph.LocatedCamera | None:
-        plugin, path = self.plugin.before_pixels(), self.row.path
-        bare = replace(self.row, references=References(), travel_m=None, calibration=None)
-        try:
-            start, frames = first_poses(bare, measurements)
-            with warnings_held_back():
-                tracks = plugin.track(features, measurements.facts, start.world_from_rig[:, :3, :3], path)
-                constraints = plugin.constrain(tracks, measurements.facts, path or start)
-            return graph.locate_camera(graph.merge(frames, constraints, partial=True))
-        except (StructureError, SolveError, SiteError, PluginFailedError):
-            return None
+def located_by(plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasurements) -> graph.LocatedCamera:
+    """The camera's path and the landmarks by what was measured of one plugin. The scale of the path may be an assumed
+    one: no reference is used, for what is measured does not depend on them. Raises StructureError, SolveError,
+    SiteError."""
+    plugin = plugin.before_pixels()
+    bare = replace(row, references=References(), travel_m=None, calibration=None)
+    start, frames = first_poses(bare, measurements)
+    with warnings_held_back():
+        attitudes = start.world_from_rig[:, :3, :3]
+        tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, row.path)
+        constraints = plugin.constrain(tracks, measurements.facts, row.path or start)
+    return graph.locate_camera(graph.merge(frames, constraints, partial=True))
 
 
 @contextmanager

@@ -60,9 +60,9 @@ class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
     known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
     `failed`: by plugin, how it failed, where the row is mapped without it. `warnings`: what of the footage speaks
-    against what was measured. `uncertain`: what plugins found and did not map, for it may exist or not. `depths`: how
-    deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the decoder left out, as
-    the notes say."""
+    against what was measured. `found`: by plugin, what all frames together show, in the unit of a path up to scale.
+    `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the
+    decoder left out, as the notes say."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -73,7 +73,7 @@ class RowMeasurements:
     flows: Sequence[Flow] = ()
     failed: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[MapWarning, ...] = ()
-    uncertain: tuple[FoundObject, ...] = ()
+    found: Mapping[str, tuple[FoundObject, ...]] = field(default_factory=dict)
     depths: tuple[FlatDepth, ...] = ()
     floor: FloorTracks = field(default_factory=FloorTracks)
     skipped: int = 0
@@ -189,10 +189,12 @@ class SolvedRow(PosedRow):
 
 @dataclass(frozen=True, eq=False)
 class DescribedRow(SolvedRow):
-    """A solved row with its structures by plugin, and its face if a plugin knows it."""
+    """A solved row with its structures by plugin, its face if a plugin knows it, and, in metres, what was found and is
+    not mapped, for it may exist or not."""
 
     structures: Mapping[str, tuple[Structure, ...]]
     face: PlanePatch | None
+    uncertain: tuple[FoundObject, ...] = ()
 
 
 def each(items: Sequence[Before | SavmapError], step: Callable[[Before], After]) -> list[After | SavmapError]:

@@ -1,6 +1,7 @@
 """Rows, from video to map: the whole method as one sentence, and its verbs."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from savmap.files.journal import Journal
 from savmap.graph import Constraints
 from savmap.graph.joint_covariance import joint_covariance
 from savmap.pipeline.drive import require_path, walk
+from savmap.pipeline.finding import find_structures, uncertain_objects
 from savmap.pipeline.path import first_poses
 from savmap.pipeline.records import (
     DescribedRow,
@@ -22,10 +24,9 @@ from savmap.pipeline.records import (
     TrackedRow,
     each,
 )
-from savmap.pipeline.second_look import look_again
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import PlanePatch, RowMap, Structure, Track, Trajectory
+from savmap.types import FoundObject, PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.maps import SKIPPED
 from savmap.types.progress import Monitor
 
@@ -34,11 +35,10 @@ ROOM_M = 0.3
 
 
 def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow | SavmapError]:
-    """What the rows' pictures show: one walk over the pixels for all of them, then edges measured once more in what was
-    kept, where the evidence of all frames together shows other structures than single frames do. A row that cannot be
-    measured comes back as its error."""
+    """What the rows' pictures show: one walk over the pixels for all of them, then what the evidence of all frames
+    together shows, measured in what was kept of each. A row that cannot be measured comes back as its error."""
     walked = walk(requests, journal, monitor)
-    return each(walked, lambda row: look_again(row, monitor))
+    return each(walked, lambda row: find_structures(row, monitor))
 
 
 def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) -> list[RowMap | SavmapError]:
@@ -140,7 +140,17 @@ def describe(row: SolvedRow) -> DescribedRow:
         )
         for plugin in row.request.plugins
     }
-    return DescribedRow(**vars(row), structures=related, face=face_of(row, related))
+    found = {thing.id: thing for objects in row.measurements.found.values() for thing in objects}
+    sure = {name: tuple(_with_probability(part, found) for part in group) for name, group in related.items()}
+    uncertain = uncertain_objects(found.values(), [part for group in sure.values() for part in group])
+    return DescribedRow(**vars(row), structures=sure, face=face_of(row, sure), uncertain=uncertain)
+
+
+def _with_probability(structure: Structure, found: Mapping[str, FoundObject]) -> Structure:
+    """A structure with the probability that it exists, where its plugin's model gave one."""
+    if structure.id not in found:
+        return structure
+    return replace(structure, attributes={**structure.attributes, "probability": found[structure.id].probability})
 
 
 def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> PlanePatch | None:

@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
     from savmap.types import Drawing as Drawing
-    from savmap.types import Expected as Expected
     from savmap.types import Feature as Feature
     from savmap.types import FlatParts as FlatParts
     from savmap.types import Floats as Floats
@@ -122,7 +121,7 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis Bools CrossRowLandmark Detection Distances Drawing Expected Feature FlatParts Floats "
+        "Attribute Axis Bools CrossRowLandmark Detection Distances Drawing Feature FlatParts Floats "
         "FoundObject MapWarning "
         "FrameTable Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid "
         "Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"

@@ -13,10 +13,10 @@ import numpy as np
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Expected,
     Feature,
     FlatParts,
     Floats,
+    FoundObject,
     MapWarning,
     Measured,
     PlanePatch,
@@ -105,13 +105,14 @@ def check_patches(patches: Sequence[PlanePatch]) -> None:
         require(patch.shape[0] * patch.shape[1] <= MOST_CELLS, f"{where}: more than {MOST_CELLS} cells")
 
 
-def check_expected(expected: Sequence[Expected], classes: Sequence[str]) -> None:
-    """Outlines of three corners or more, finite, of the plugin's classes."""
-    for number, outlined in enumerate(expected):
-        where = f"expected object {number} (`{outlined.label}`)"
-        require(outlined.label in classes, f"{where}: the plugin has no such class")
-        require(len(outlined.outline) >= 3, f"{where}: an outline has three corners or more")
-        require(_finite(outlined.outline), f"{where}: a corner is not finite")
+def check_found(found: Sequence[FoundObject], classes: Sequence[str]) -> None:
+    """Objects of different ids, with outlines of three corners or more, finite, of the plugin's classes."""
+    _require_distinct((thing.id for thing in found), "found objects with the id")
+    for thing in found:
+        where = f"found object `{thing.id}`"
+        require(thing.label in classes, f"{where}: the plugin has no class `{thing.label}`")
+        require(len(thing.outline) >= 3, f"{where}: an outline has three corners or more")
+        require(_finite(thing.outline), f"{where}: a corner is not finite")
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:

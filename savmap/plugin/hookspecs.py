@@ -13,10 +13,10 @@ import pluggy
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Expected,
     Feature,
     FlatParts,
     Floats,
+    FoundObject,
     JointCovariance,
     MapWarning,
     Panorama,
@@ -88,18 +88,34 @@ def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start
 
 
 @hookspec(firstresult=True)
-def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
-    """Evidence: the planes that the structure lies in, as far as it was tracked; `points`: first positions (3,) of the
-    plugin's landmarks, by name, and asked once more with the solved ones: then the first plane is the face of the
-    orthophoto. Asked of plugins that find the face. Default: none, nothing is looked at again, and there is no
-    orthophoto."""
+def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
+    """Evidence: where the camera was by what single frames show, up to scale, in a frame with the face at z = 0.
+
+    `attitudes` (n, 3, 3): world_from_rig to a few degrees. Asked of plugins that write `find` and find the face, where
+    no earlier map gives the path. Raises StructureError where the frames do not show a row."""
 
 
 @hookspec(firstresult=True)
-def expect(points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None) -> list[Expected]:
-    """Evidence: all objects of the plugin that the planes' evidence shows, where that is not what was tracked: then
-    every frame is measured again, with these in mind. `floor`: the y of the floor before the first upright plane; None
-    where the pictures do not tell it. Default: none, what was tracked is right."""
+def find(
+    gather: Callable[[PlanePatch], PlaneEvidence],
+    path: Trajectory,
+    points: Mapping[str, Floats],
+    facts: RowFacts,
+    floor: float | None,
+) -> list[FoundObject]:
+    """Evidence: the objects that all frames together show, each with the probability that it exists.
+
+    `gather` gives what the frames show of a plane; `path`: the camera's, up to scale; `points`: positions (3,) of the
+    plugin's landmarks by name, as solved in an earlier round, none in the first; `floor`: its y before the first
+    upright plane, where the pictures told it. Every frame is then measured at what was found, and `track` gets features
+    that name their object. Raises StructureError where nothing is found. Default: none; `track` gets what single frames
+    show."""
+
+
+@hookspec(firstresult=True)
+def planes(points: Mapping[str, Floats]) -> list[PlanePatch]:
+    """The planes that the structure lies in, by the positions (3,) of the plugin's landmarks, by name: the first is the
+    face of the orthophoto, and the floor is looked for before it. Default: none."""
 
 
 @hookspec(firstresult=True)

@@ -18,7 +18,6 @@ from savmap.types.drawings import Kind as Kind
 from savmap.types.drawings import Picture as Picture
 from savmap.types.drawings import Role as Role
 from savmap.types.drawings import Tone as Tone
-from savmap.types.evidence import Expected as Expected
 from savmap.types.evidence import FlatDepth as FlatDepth
 from savmap.types.evidence import FlatParts as FlatParts
 from savmap.types.evidence import FoundObject as FoundObject

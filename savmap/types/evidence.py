@@ -1,4 +1,4 @@
-"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, what is expected
+"""Records of evidence: a rectangle of a plane in the row's frame, what a network saw there on average, what was found
 there, and how deep flat parts lie."""
 
 from dataclasses import dataclass, replace
@@ -84,29 +84,10 @@ class PlaneEvidence:
 
 @dataclass(frozen=True, eq=False)
 @array_record
-class Expected:
-    """An object that the evidence shows: its class, and its `outline` (n, 3) in the row's frame, in the unit of the
-    path.
-
-    `absent`: what was tracked there and is none. What is measured there again is left out. `in_pieces`: it shows in
-    pieces of which a network may see nothing; where it does not, what is coloured like the others of its class is
-    measured.
-    """
-
-    label: str
-    outline: Floats
-    absent: bool = False
-    in_pieces: bool = False
-
-    def __post_init__(self) -> None:
-        require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")
-
-
-@dataclass(frozen=True, eq=False)
-@array_record
 class FoundObject:
-    """What a plugin's model found by the evidence of all frames: `outline` (n, 3) in the row's frame, in the unit of
-    the path, and the `probability` that it exists."""
+    """An object that the evidence of all frames shows: its `id`, the name of its structure in the map; its class; its
+    `outline` (n, 3) in the row's frame, in the unit of the path; and the `probability` that it exists. What is less
+    likely than not is not mapped."""
 
     id: str
     label: str
@@ -115,7 +96,12 @@ class FoundObject:
 
     def __post_init__(self) -> None:
         require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")
-        require(0.0 <= self.probability <= 1.0, self, "probability must be 0..1")
+        require(0 <= self.probability <= 1, self, "probability must be within 0 and 1")
+
+    @property
+    def is_mapped(self) -> bool:
+        """Whether it is more likely there than not."""
+        return self.probability >= 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,8 +157,8 @@ class Feature:
     `pixels` (n, 2); `covariance` (n, 2, 2) px^2 (an edge's is long along it). `label` is the class, `part` the point or
     edge of the object ("left", "upper left", "centre"). `instance` numbers the object within its frame, view and label;
     `neighbours` are instances that it touches, by role. `axis` is the world axis that an edge follows, if known.
-    `readings` are texts read on the object, with confidences 0..1. `expected`: whether it was looked for where all
-    frames together show an object of its class.
+    `readings` are texts read on the object, with confidences 0..1. `object`: id of the found object that it is of;
+    empty for what a single frame shows.
     """
 
     frame: int
@@ -172,7 +172,7 @@ class Feature:
     score: float = 1.0
     neighbours: Mapping[str, int] = field(default_factory=dict)
     readings: Mapping[str, float] = field(default_factory=dict)
-    expected: bool = False
+    object: str = ""
 
     def __post_init__(self) -> None:
         count = len(self.pixels)

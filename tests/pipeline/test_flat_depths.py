@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from savmap.pipeline.second_look import PluginAlone, depths_of
 
 from savmap.errors import SolveError
 from savmap.files.journal import Journal
@@ -12,7 +13,6 @@ from savmap.graph import LocatedCamera, References, camera_priors
 from savmap.pipeline import second_look
 from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow, WalkedRow
 from savmap.pipeline.row import constrain, track
-from savmap.pipeline.second_look import PluginAlone, depths_of
 from savmap.types import FlatDepth, FlatParts, PlanePatch
 from savmap.types.progress import NoteCollector, SilentMonitor
 from savmap.vision.markers import MarkerTracks

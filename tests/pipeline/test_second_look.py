@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
+from savmap.pipeline.second_look import look_again
+from savmap.vision.evidence.expectation import Expectation, unexplained
 
 from savmap.errors import StructureError
 from savmap.files.journal import Journal
@@ -16,7 +18,6 @@ from savmap.graph import LocatedCamera, References
 from savmap.pipeline import second_look
 from savmap.pipeline.path import PluginAlone
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
-from savmap.pipeline.second_look import look_again
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
     Detection,
@@ -33,7 +34,6 @@ from savmap.types import (
 )
 from savmap.types.progress import NoteCollector
 from savmap.vision.evidence import PackedView, expectation
-from savmap.vision.evidence.expectation import Expectation, unexplained
 from savmap.vision.evidence.floor import FloorHeight
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation

@@ -14,10 +14,10 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
-    Expected,
     Feature,
     FlatParts,
     Floats,
+    FoundObject,
     JointCovariance,
     MapWarning,
     Panorama,
@@ -83,10 +83,29 @@ class Shelves:
         return extract_features(view, detections, panorama=panorama if self.config.subpixel else None)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> list[Track]:
-        from savmap_shelves.tracking import track_structures
+    def locate(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
+        from savmap_shelves.locate import locate
 
-        return track_structures(features, facts, attitudes=attitudes)
+        return locate(features, facts, attitudes)
+
+    @hookimpl
+    def find(
+        self,
+        gather: Callable[[PlanePatch], PlaneEvidence],
+        path: Trajectory,
+        points: Mapping[str, Floats],
+        facts: RowFacts,
+        floor: float | None,
+    ) -> list[FoundObject]:
+        from savmap_shelves.find import find
+
+        return find(gather, path, points, facts, floor)
+
+    @hookimpl
+    def track(self, features: Sequence[Feature], facts: RowFacts) -> list[Track]:
+        from savmap_shelves.association import track_structures
+
+        return track_structures(features, facts)
 
     @hookimpl
     def planes(self, points: Mapping[str, Floats]) -> list[PlanePatch]:
@@ -95,16 +114,6 @@ class Shelves:
         grid = tracked_grid(points)
         patch = face_patch(grid) if grid else None
         return [patch] if patch else []
-
-    @hookimpl
-    def expect(
-        self, points: Mapping[str, Floats], evidence: Sequence[PlaneEvidence], floor: float | None
-    ) -> list[Expected]:
-        from savmap_shelves.evidence import absent_beams, expected_grid, outlines, tracked_grid
-
-        tracked = tracked_grid(points)
-        expected = expected_grid(evidence[0], tracked, floor=floor) if tracked else None
-        return [*outlines(expected), *absent_beams(tracked, expected)] if tracked and expected else []
 
     @hookimpl
     def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:

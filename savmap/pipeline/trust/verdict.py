@@ -49,7 +49,7 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
     bent = [*_stretched(row.solution), *_bent(row.solution)]
     footage = (warning for warning in row.measurements.warnings if not _is_refuted(warning, row))
     warnings = [*footage, *row.solution.warnings, *(bent or _no_panorama(row))]
-    of_elements = list(_uncertain_objects(row.measurements.uncertain))
+    of_elements = list(_uncertain_objects(row.uncertain))
     for plugin in row.request.plugins:
         structures = row.structures.get(plugin.name, ())
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
@@ -91,7 +91,7 @@ def _beyond_ends(row: DescribedRow) -> frozenset[str]:
         return frozenset()
     first, last = np.concatenate(face).min(), np.concatenate(face).max()
     along = [(part.id, part.vertices[:, 0]) for group in row.structures.values() for part in group]
-    along += [(item.id, item.outline[:, 0]) for item in row.measurements.uncertain]
+    along += [(item.id, item.outline[:, 0]) for item in row.uncertain]
     return frozenset(name for name, x in along if x.max() < first or x.min() > last)
 
 

@@ -1,27 +1,26 @@
 """What is detected in a frame of the objects that all frames together show there: also what is too faint to be seen in it alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import Detection, Expected, Feature, Floats, View, ViewSpec
-from savmap.vision.evidence.colours import colour_probability
+from savmap.types import Detection, Feature, Floats, FoundObject, View, ViewSpec
 from savmap.vision.evidence.planes import outline_in
 from savmap.vision.networks.adapter import regions
 from savmap.vision.networks.segmenter import Segmentation
 
 Singles = NDArray[np.float32]
-Outlined = tuple[Expected, Floats]
+Outlined = tuple[FoundObject, Floats]
 """An expected object and its outline (m, 2) px in a view."""
 
 LIKELY_QUANTILE = 80.0
-AROUND_PX = 64.0
+AROUND_PX, OUTSIDE_PX, HALF, BAND = 64.0, 2.0, 0.5, 0.15
 
 
-def outlines_in(view: ViewSpec, world_from_rig: Floats, expected: Sequence[Expected]) -> list[Outlined]:
+def outlines_in(view: ViewSpec, world_from_rig: Floats, expected: Sequence[FoundObject]) -> list[Outlined]:
     """The objects that a view shows a part of, each with its outline in it."""
     outlines = [(thing, outline_in(view, world_from_rig, thing.outline)) for thing in expected]
     return [(thing, outline) for thing, outline in outlines if outline is not None]
@@ -53,61 +52,98 @@ def expected_detections(
 ) -> list[Detection]:
     """The regions of a view in which a network sees one of the objects that are outlined there, also faintly, and no other regions.
 
-    Probabilities are scaled so that half of an object's usual one becomes 0.5, the level of a mask's border. An object that is `in_pieces`,
-    and of which the network sees nothing, gets its probabilities from colours (`colour_probability`).
+    Probabilities are scaled so that half of an object's usual one becomes 0.5, the level of a mask's border.
     """
     detections: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
         raised = np.zeros_like(probability)
         for target, outline in expected:
             if target.label == label:
-                scaled = _raised(probability, outline, settings)
-                if target.in_pieces and not scaled.any():
-                    scaled = _probability_by_colour(view, probability, outline)
-                np.maximum(raised, scaled, out=raised)
+                _raise(raised, probability, outline, settings)
         detections += regions(label, raised, 0.5, settings.least_px)
     return detections
 
 
+def found_detections(
+    view: View, segmentation: Segmentation, world_from_rig: Floats, found: Sequence[FoundObject]
+) -> list[Detection]:
+    """The regions of a view in which a network sees what is found, their borders no further from its outline's than `BAND` of its lesser
+    thickness: beyond it is something else, and what is hidden within it is filled."""
+    spec, shape = view.spec, segmentation.maps.shape[1:]
+    bands = [[outline_in(spec, world_from_rig, grown(thing.outline, by)) for by in (BAND, -BAND)] for thing in found]
+    detections: list[Detection] = []
+    for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
+        union, drawn = np.zeros_like(probability), list[tuple[float, NDArray[np.bool_]]]()
+        for thing, (outer, inner) in zip(found, bands, strict=True):
+            if thing.label != label or outer is None or inner is None:
+                continue
+            around, within = _covered(outer, shape), _covered(inner, shape)
+            core = probability[within > HALF]
+            usual = float(np.percentile(core, LIKELY_QUANTILE)) if len(core) >= USUAL.least_px else 0.0
+            if usual > USUAL.faintest:
+                raised = np.minimum(np.maximum(np.minimum(probability / usual / 2, 1.0), within), around)
+                drawn.append((float(core.mean(dtype=np.float64)), raised >= HALF))
+                np.maximum(union, raised, out=union)
+        detections += [Detection(label, score, mask, union) for score, mask in drawn]
+    return detections
+
+
+def grown(outline: Floats, share: float) -> Floats:
+    """An outline (n, 3) that reaches so much further on both sides across it, as a share of its lesser thickness."""
+    centred = outline - outline.mean(axis=0)
+    across = np.linalg.svd(centred, full_matrices=False)[2][1]
+    return np.asarray(outline + 2 * share * (centred @ across)[:, None] * across)
+
+
+def _covered(outline: Floats, shape: tuple[int, ...]) -> Singles:
+    """How much of each pixel an outline (n, 2) px covers."""
+    covered, shown = np.zeros(shape, np.uint8), within_picture(outline, shape)
+    if len(shown):
+        cv2.fillConvexPoly(covered, np.round(16 * shown).astype(np.int32), 255, cv2.LINE_AA, 4)
+    return np.asarray(covered, np.float32) / np.float32(255)
+
+
 def features_of(features: Sequence[Feature], outlines: Sequence[Outlined]) -> list[Feature]:
-    """The features of those instances of a view that do not lie at an absent object's outline, farther inside of it than of any other's."""
-    if not any(thing.absent for thing, _ in outlines):
-        return [*features]
+    """The features of a view with the object of each: that of its class whose outline its instance lies farthest inside of."""
     exact = [(thing, outline.astype(np.float32)) for thing, outline in outlines]
     pixels: dict[tuple[str, int], list[Floats]] = {}
     for feature in features:
         pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
-    absent = {key for key, own in pixels.items() if _is_absent(key[0], np.concatenate(own).mean(axis=0), exact)}
-    return [feature for feature in features if (feature.label, feature.instance) not in absent]
+    objects = {key: _object_at(key[0], np.concatenate(own).mean(axis=0), exact) for key, own in pixels.items()}
+    return [replace(feature, object=objects[feature.label, feature.instance]) for feature in features]
 
 
-def _is_absent(label: str, place: Floats, outlines: Sequence[tuple[Expected, NDArray[np.float32]]]) -> bool:
-    """Whether a place (2,) px is nearer to an absent object of a class, to a pixel, than to all that are there."""
-    inside = {True: -np.inf, False: -np.inf}
+def _object_at(label: str, place: Floats, outlines: Sequence[tuple[FoundObject, NDArray[np.float32]]]) -> str:
+    """The id of the object of a class whose outline a place (2,) px is farthest inside of; empty where it is outside of all."""
+    best, found = -OUTSIDE_PX, ""
     for thing, outline in outlines:
         if thing.label == label:
-            depth = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
-            inside[thing.absent] = max(inside[thing.absent], depth)
-    return inside[True] > max(inside[False], -1.0)
+            inside = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
+            if inside > best:
+                best, found = inside, thing.id
+    return found
 
 
-def _raised(probability: Singles, outline: Floats, settings: DetectionSettings) -> Singles:
+def _raise(raised: Singles, probability: Singles, outline: Floats, settings: DetectionSettings) -> None:
+    """Raise probabilities in and around an outline, so that half of the usual one inside becomes 0.5."""
     shown = within_picture(outline, probability.shape)
-    core = _filled(shown, probability.shape)
-    usual = float(np.percentile(probability[core], LIKELY_QUANTILE)) if core.any() else 0.0
-    if usual < settings.faintest:
-        return np.zeros_like(probability)
+    if not len(shown):
+        return
     width = round(settings.margin * _thickness(shown) + settings.margin_px)
-    kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
-    near = np.asarray(cv2.dilate(core.view(np.uint8), kernel), np.bool_)
-    return np.asarray(np.where(near, np.minimum(probability / min(usual, 1.0), 1.0), 0.0), np.float32)
-
-
-def _probability_by_colour(view: View, probability: Singles, outline: Floats) -> Singles:
-    """The probability by colour (height, width) of the pixels in an outline (n, 2), or within a pixel of it; 0 elsewhere."""
-    inside = _filled(within_picture(outline, probability.shape), probability.shape)
-    near = np.asarray(cv2.dilate(inside.view(np.uint8), np.ones((3, 3), np.uint8)), np.bool_)
-    return np.asarray(np.where(near, colour_probability(view.image, probability), 0.0), np.float32)
+    low = np.maximum(np.floor(shown.min(axis=0)).astype(int) - width - 1, 0)
+    high = np.minimum(np.ceil(shown.max(axis=0)).astype(int) + width + 2, probability.shape[::-1])
+    if (low >= high).any():
+        return
+    part = slice(low[1], high[1]), slice(low[0], high[0])
+    inside = probability[part]
+    core = np.zeros(inside.shape, np.uint8)
+    cv2.fillPoly(core, [np.round(16 * (shown - low)).astype(np.int32)], 1, shift=4)
+    values = inside[core > 0]
+    usual = float(np.percentile(values, LIKELY_QUANTILE)) if len(values) else 0.0
+    if usual < settings.faintest:
+        return
+    near = cv2.dilate(core, np.ones((2 * width + 1, 2 * width + 1), np.uint8))
+    np.maximum(raised[part], np.minimum(inside / min(usual, 1.0), 1.0) * near, out=raised[part])
 
 
 def _thickness(outline: Floats) -> float:
@@ -115,18 +151,14 @@ def _thickness(outline: Floats) -> float:
     return float(min(cv2.minAreaRect(outline.astype(np.float32))[1]))
 
 
-def _filled(outline: Floats, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    mask = np.zeros(shape, np.uint8)
-    if len(outline):
-        cv2.fillPoly(mask, [np.round(16 * outline).astype(np.int32)], 1, shift=4)
-    return mask.view(np.bool_)
-
-
 def within_picture(outline: Floats, shape: tuple[int, ...]) -> Floats:
     """The part (m, 2) of a convex outline (n, 2) px that lies in a picture (height, width) or `AROUND_PX` around it; none where (0, 2).
 
     In a wide view the ends of what passes beside the camera lie thousands of pixels away: moved to the border they would bend it.
     """
+    size = np.array(shape[::-1])
+    if (outline >= -AROUND_PX).all() and (outline <= size - 1 + AROUND_PX).all():
+        return outline
     for axis, last in ((0, shape[1] - 1), (1, shape[0] - 1)):
         for side, border in ((1.0, -AROUND_PX), (-1.0, -(last + AROUND_PX))):
             outline = _cut(outline, side * outline[:, axis] - border)

@@ -16,6 +16,7 @@ from savmap.types import (
     Floats,
     PlaneEvidence,
     PlanePatch,
+    RowFacts,
     Trajectory,
     View,
     ViewSpec,
@@ -32,6 +33,7 @@ JPEG_QUALITY = 80
 BORDER_PX = 2.0
 NEAR = 0.02
 REACH, TINY = 3.0, 1e-9
+FACING, FARTHEST = 0.3, 9.0
 HALVED_FROM_PIXELS = np.array([[1 / HALVED, 0, 0.5 / HALVED - 0.5], [0, 1 / HALVED, 0.5 / HALVED - 0.5], [0, 0, 1]])
 
 
@@ -183,3 +185,24 @@ def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Float
         if (first[2] >= near) != (second[2] >= near):
             kept.append(first + (near - first[2]) / (second[2] - first[2]) * (second - first))
     return pinhole.project(np.array(kept), view.camera) if len(kept) >= 3 else None
+
+
+def heights_shown(path: Trajectory, facts: RowFacts) -> tuple[float, float]:
+    """The lowest and the highest y of the plane z = 0 that the views which look at it show, before the camera; at most
+    `FARTHEST` of its distance below or above it."""
+    low, high = np.inf, -np.inf
+    passes = facts.frames.passes
+    for name, spec in facts.views.items():
+        middle = (spec.width - 1) / 2
+        rays = spec.rig_rays(np.array([[middle, 0.0], [middle, (spec.height - 1) / 2], [middle, spec.height - 1.0]]))
+        of_pass = np.array([name.startswith(f"{passes[frame]} / ") for frame in path.frames.tolist()], np.bool_)
+        poses = path.world_from_rig[of_pass]
+        directions = np.einsum("nij,kj->nki", poses[:, :3, :3], rays)
+        facing = directions[:, 1, 2] < -FACING
+        for pose, (top, _, bottom) in zip(poses[facing], directions[facing], strict=True):
+            reach = [FARTHEST if ray[2] > -1e-6 else min(abs(ray[1] / ray[2]), FARTHEST) for ray in (top, bottom)]
+            edges = [
+                pose[1, 3] + pose[2, 3] * far * np.sign(ray[1]) for far, ray in zip(reach, (top, bottom), strict=True)
+            ]
+            low, high = min(low, *edges), max(high, *edges)
+    return float(low), float(high)

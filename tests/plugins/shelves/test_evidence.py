@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from seen_faces import LEVELS, POSTS, WHOLE, is_whole, seen
-
-from savmap.types import Floats, PlaneEvidence
-from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
 from savmap_shelves.evidence.search import EvidenceSettings
 from savmap_shelves.evidence.search.face import Face
 from savmap_shelves.evidence.search.grid import searched
 from savmap_shelves.evidence.search.paint import Paint
 from savmap_shelves.evidence.search.pieces import Pieces
 from savmap_shelves.evidence.search.section import Section
+from seen_faces import LEVELS, POSTS, WHOLE, is_whole, seen
+
+from savmap.types import Floats, PlaneEvidence
+from savmap_shelves.evidence import Grid, absent_beams, expected_grid, face_patch, outlines, tracked_grid
 from savmap_shelves.plugin import Shelves
 from savmap_shelves.settings import ShelvesSettings
 

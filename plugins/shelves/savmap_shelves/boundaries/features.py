@@ -15,7 +15,6 @@ from savmap.vision.masks import Probability, Runs, separated, union_of_longest
 from savmap_shelves.boundaries.measuring import measured_strips
 from savmap_shelves.boundaries.merging import strips_of
 from savmap_shelves.boundaries.perspective import askew, crossed, paralleled
-from savmap_shelves.boundaries.second import SecondReadings
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.boundaries.strips import Strips
 
@@ -80,21 +79,18 @@ def extract_features(
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
-    With the panorama that the view was cut from, the edges are measured there (savmap.vision.subpixel). Corners "second upper left" ... are
-    those that second readings of beams' edges have at the uprights (savmap_shelves.boundaries.second).
+    With the panorama that the view was cut from, the edges are measured there (savmap.vision.subpixel).
     """
     settings = settings or BoundarySettings()
     least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
     extraction = Extraction(view, settings, least_px)
     separators = _separators(extraction, detections)
     beams = _beams(extraction, detections, separators)
-    second: SecondReadings | None = None
     if panorama is not None:
         kept = np.flatnonzero(separators.kept)
-        uprights, beams, second = measured_strips(panorama, view.spec, separators.strips[kept], beams)
+        uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
         separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
-    again = second_corners(extraction, second, beams, separators) if second else ()
-    return [*upright_edges(extraction, separators), *beam_features(extraction, beams, separators), *again]
+    return [*upright_edges(extraction, separators), *beam_features(extraction, beams, separators)]
 
 
 def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
@@ -219,7 +215,7 @@ def beam_features(extraction: Extraction, beams: Strips, separators: Separators)
     for part, lines in (("lower", beams.lower), ("upper", beams.upper)):
         ends = np.stack([beams.first, beams.last], axis=-1)
         for end, role, edges, number in ((0, "left", uprights.lower, left), (1, "right", uprights.upper, right)):
-            at = np.flatnonzero(number >= 0)
+            at = np.flatnonzero((number >= 0) & (lines.inliers > 0))
             level, upright = lines[at], edges[number[at]]
             points = crossing(level, upright)
             covariances = crossing_covariance(level, upright, points, extraction.least_sigma_px)
@@ -230,25 +226,6 @@ def beam_features(extraction: Extraction, beams: Strips, separators: Separators)
         across, spread = _line_ends(lines, ends, extraction)
         pixels = np.stack([ends, across], axis=-1)
         cover = np.clip(beams.columns / np.maximum(ends[:, 1] - ends[:, 0], 1.0), 0.0, 1.0)
-        for index in range(len(beams)):
+        for index in np.flatnonzero(lines.inliers > 0).tolist():
             name, score = ("beam", part, index), float(beams.score[index] * cover[index])
             yield extraction.feature(name, pixels[index], spread[index], "x", score, touching[index])
-
-
-def second_corners(
-    extraction: Extraction, second: SecondReadings, beams: Strips, separators: Separators
-) -> Iterator[Feature]:
-    """The corners at the uprights of second readings of beams' edges."""
-    instance, uprights = np.append(separators.instance, -1), separators.strips[separators.kept]
-    cell = beams.cell[second.beam]
-    ends = (cell - 1, uprights.lower, "left"), (np.minimum(cell, len(instance) - 1), uprights.upper, "right")
-    for between, edges, role in ends:
-        number = instance[between]
-        at = np.flatnonzero(number >= 0)
-        levels, posts = second.lines[at], edges[number[at]]
-        points = crossing(levels, posts)
-        covariances = crossing_covariance(levels, posts, points, extraction.least_sigma_px)
-        for index, point, covariance in zip(at.tolist(), points, covariances, strict=True):
-            part = f"second {'upper' if second.upper[index] else 'lower'} {role}"
-            name, score = ("beam", part, int(second.beam[index])), float(second.share[index])
-            yield extraction.feature(name, point[None], covariance[None], None, score)

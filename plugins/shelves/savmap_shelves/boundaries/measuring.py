@@ -6,10 +6,11 @@ import numpy as np
 
 from savmap.geometry.lines import Lines, where
 from savmap.types import Floats, Panorama, ViewSpec
-from savmap.vision.subpixel import Edges, measured
-from savmap_shelves.boundaries.second import SecondReadings, second_readings
+from savmap.vision.subpixel import Edges, Subpixel, measured
 from savmap_shelves.boundaries.strips import Strips
 
+OUTLINED = Subpixel(prior_px=0.8, flanked_bias_px=0.0, inner=(0.5, 0.15))
+"""Edges of found objects are where the evidence of all frames has them, to a part of a pixel."""
 ROUNDS = 3
 TOLERANCE = 0.01
 SAME = 0.4
@@ -18,15 +19,13 @@ WHOLE = 0.5
 """What is thinner in its mask than this share of what is usual in the picture is hidden in part."""
 
 
-def measured_strips(
-    panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips
-) -> tuple[Strips, Strips, SecondReadings | None]:
-    """Uprights and beams of a view with their edges as the panorama shows them, and second readings of beams' edges."""
+def measured_strips(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips) -> tuple[Strips, Strips]:
+    """Uprights and beams of a view with their edges as the panorama shows them."""
     axes = _face_axes(spec, uprights, beams)
     edges = [_edges(spec, uprights, axes, True), _edges(spec, beams, axes, False)]
-    (standing, _), (lying, _) = measured(panorama, spec, edges)
-    uprights, beams = _with_edges(uprights, standing), _with_edges(beams, lying)
-    return uprights, beams, second_readings(panorama, spec, beams, axes)
+    (standing, _), (lying, seen) = measured(panorama, spec, edges, OUTLINED)
+    lying = replace(lying, inliers=np.where(seen, lying.inliers, 0.0))
+    return _with_edges(uprights, standing), _with_edges(beams, lying)
 
 
 def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:

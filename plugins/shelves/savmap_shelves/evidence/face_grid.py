@@ -1,12 +1,12 @@
 """The grid of a face in its own coordinates: from the tracked landmarks, the patch around it, and the outlines of its objects."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from savmap.types import Expected, Floats, PlanePatch
+from savmap.types import Floats, PlanePatch
 
 FACE = "face"
 CELLS_ACROSS = 5.0
@@ -128,34 +128,3 @@ def _reach_up(grid: Grid) -> tuple[float, float]:
     bottom = min(float(levels.min()) for levels in grid.sections if len(levels))
     room = 0.3 * (grid.top - bottom) + 2 * grid.thickness
     return bottom - room, grid.top + room
-
-
-def outlines(grid: Grid) -> list[Expected]:
-    """The objects of a grid on the face. Posts reach beyond the levels at both ends, as far as the pictures show them."""
-    low, high = _reach_up(grid)
-    uprights = [_rectangle("upright", post, np.array([low, high])) for post in grid.posts]
-    sections = enumerate(zip(pairwise(grid.posts), grid.sections, strict=True))
-    beams = [
-        replace(_rectangle("beam", np.array([left[1], right[0]]), level), in_pieces=(section, number) in grid.pieces)
-        for section, ((left, right), levels) in sections
-        for number, level in enumerate(levels)
-    ]
-    return [*uprights, *beams]
-
-
-def absent_beams(tracked: Grid, expected: Grid) -> list[Expected]:
-    """The beams of the tracked grid that overlap no beam of the expected one between the same posts."""
-    if len(tracked.posts) != len(expected.posts) or not np.allclose(tracked.posts, expected.posts):
-        return []
-    sections = zip(pairwise(tracked.posts), tracked.sections, expected.sections, strict=True)
-    return [
-        _rectangle("beam", np.array([left[1], right[0]]), level, absent=True)
-        for (left, right), levels, others in sections
-        for level in levels
-        if not ((others[:, 0] < level[1]) & (others[:, 1] > level[0])).any()
-    ]
-
-
-def _rectangle(label: str, x: Floats, y: Floats, absent: bool = False) -> Expected:
-    corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-    return Expected(label, np.array([[*corner, 0.0] for corner in corners], np.float64), absent)

@@ -52,11 +52,6 @@ def medians(values: Floats, which: Ints, count: int) -> Floats:
     return np.array(middle, dtype=np.float64).reshape(count, *values.shape[1:])
 
 
-def mostly(true: Bools, which: Ints, count: int) -> Bools:
-    """Which clusters (count,) have a value that is true for more than half of their members, by the values and the cluster of each member (n,)."""
-    return np.array([bool((which == k).any() and true[which == k].mean() > 0.5) for k in range(count)], np.bool_)
-
-
 def strongest(order: Ints, clash: Bools) -> Bools:
     """Which clusters (k,) stay, taken in `order` (k,), if none may clash (k, k) with one that stays."""
     kept = np.zeros(len(order), dtype=np.bool_)
@@ -65,13 +60,13 @@ def strongest(order: Ints, clash: Bools) -> Bools:
     return kept
 
 
-def supported(support: Floats, shown: Ints, count: Ints, least: float, expected: Bools | None = None) -> Bools:
+def supported(support: Floats, shown: Ints, count: Ints, least: float) -> Bools:
     """Which clusters (k,) are sure: sighted three times or more, and often enough in the frames that should show them.
 
     Often enough: that share, less its standard deviation, is at least `least` of the usual share. With few frames chance
-    makes a share large, but for clusters that are `expected` (k,): all frames together show them.
+    makes a share large.
     """
     usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
     chance = np.sqrt(support * (1 - support) / np.maximum(shown, 1))
-    sure = support - (chance if expected is None else np.where(expected, 0.0, chance))
+    sure = support - chance
     return np.asarray((sure >= least * usual) & (count >= 3))

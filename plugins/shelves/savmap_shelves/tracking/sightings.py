@@ -7,7 +7,7 @@ face at tangents p = X / -Z, q = Y / -Z, in units of the camera's distance from 
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,24 +16,19 @@ from savmap.types import Bools, Feature, Floats, Ints, RowFacts, ViewSpec
 
 UPRIGHT_PARTS = ("left", "right")
 CORNER_PARTS = (("lower left", "upper left"), ("lower right", "upper right"))
-SECOND = "second "
-"""Before a corner's part: where a second reading of its beam's edge has it."""
 MAX_TANGENT = 12.0
 Key = tuple[int, int, int]
-NONE = np.full((2, 2), -1, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,); whether all frames
-    together show their object, too (N,)."""
+    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,)."""
 
     frame: Ints
     view: Ints
     pixels: Floats
     covariance: Floats
     score: Floats
-    expected: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +47,6 @@ class Sightings:
 
     open_views (frames, views): which views show the face in which frames.
     uprights (n, 2, 2): edge (left, right), end (top, bottom). corners (m, 2, 2): side (left, right), edge (lower, upper).
-    second (m, 2, 2): the same by second readings of the beams' edges.
     bounds (m, 2): sightings of the uprights that a beam ends at (left, right). spans (m, 2): ends of a beam's edge.
     edges (e, 2): both ends of each edge. edge_axis (e,): 0 for beams' edges, which follow x, 1 for uprights', which follow y.
     """
@@ -62,7 +56,6 @@ class Sightings:
     names: tuple[str, ...]
     uprights: Ints
     corners: Ints
-    second: Ints
     bounds: Ints
     spans: Ints
     upright_frame: Ints
@@ -93,11 +86,6 @@ class FaceSightings(Sightings):
             within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
             inside |= within & self.open_views[frame, number]
         return inside
-
-    def without_beams(self, gone: Bools) -> "FaceSightings":
-        """All but some sightings (m,) of beams."""
-        of_beams = ("corners", "second", "bounds", "spans", "beam_frame", "beam_view")
-        return replace(self, **{name: getattr(self, name)[~gone] for name in of_beams})
 
     def horizon(self) -> Floats:
         """Tangents p (n, 2) of the uprights' edges (left, right) at q = 0."""
@@ -137,7 +125,6 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
     edge_rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
     uprights = _uprights(known, keys, first)
     corners, neighbours, spans = _beams(known, keys, first)
-    second = _second(known, keys, first)
     row_of = {key: index for index, key in enumerate(uprights)}
     bounds = [[row_of.get((*key[:2], number), -1) for number in neighbours[key]] for key in corners]
     upright_keys, beam_keys = (np.array([*group], dtype=np.int64).reshape(-1, 3) for group in (uprights, corners))
@@ -147,7 +134,6 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
         names,
         np.array([*uprights.values()], dtype=np.int64).reshape(-1, 2, 2),
         np.array([*corners.values()], dtype=np.int64).reshape(-1, 2, 2),
-        np.array([second.get(key, NONE) for key in corners], dtype=np.int64).reshape(-1, 2, 2),
         np.array(bounds, dtype=np.int64).reshape(-1, 2),
         np.array([spans.get(key, (-1, -1)) for key in corners], dtype=np.int64).reshape(-1, 2),
         upright_keys[:, 0],
@@ -168,7 +154,6 @@ def feature_points(features: Sequence[Feature], views: Sequence[str]) -> Feature
         np.concatenate([np.zeros((0, 2)), *(f.pixels for f in features)]),
         np.concatenate([np.zeros((0, 2, 2)), *(f.covariance for f in features)]),
         np.array([f.score for f in features for _ in f.pixels], dtype=np.float64),
-        np.array([f.expected for f in features for _ in f.pixels], dtype=np.bool_),
     )
 
 
@@ -205,16 +190,6 @@ def _beams(
             corners[key][place[feature.part]] = row
             neighbours[key] = [feature.neighbours.get(side, -1) for side in ("left", "right")]
     return {key: rows for key, rows in corners.items() if (rows >= 0).any()}, neighbours, spans
-
-
-def _second(features: Sequence[Feature], keys: Sequence[Key], first: Ints) -> Mapping[Key, Ints]:
-    """Point indices (2, 2) of beams' corners by second readings: side (left, right), edge (lower, upper)."""
-    second: dict[Key, Ints] = defaultdict(NONE.copy)
-    place = {SECOND + part: (side, edge) for side, parts in enumerate(CORNER_PARTS) for edge, part in enumerate(parts)}
-    for feature, key, row in zip(features, keys, first.tolist(), strict=False):
-        if feature.label == "beam" and feature.part in place:
-            second[key][place[feature.part]] = row
-    return second
 
 
 def rig_rays(points: FeaturePoints, views: Sequence[ViewSpec]) -> Floats:

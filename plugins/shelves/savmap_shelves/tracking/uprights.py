@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.types import Bools, Floats, Ints
-from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, mostly, nearest, strongest, supported
+from savmap_shelves.tracking.density import cheapest_in_group, medians, modes, nearest, strongest, supported
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings
 
 LEAST_AT_END = 0.3
@@ -56,8 +56,8 @@ def find_uprights(
         which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
         support, sized, count = _support(sightings, centres, which, states, frames)
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
-        clash, expected = _clash(centres, width, 2 * reach, group, which), _expected(sightings, which, len(centres))
-        kept = _strong(support, sized, count, least, clash, expected)
+        clash = _clash(centres, width, 2 * reach, group, which)
+        kept = _strong(support, sized, count, least, clash)
         if kept.all():
             along = (states[:, 1] / states[:, 0])[sightings.upright_frame]
             drifts = np.array([_drift(along[which == k], centre[which == k]) for k in range(len(centres))])
@@ -110,15 +110,10 @@ def _clash(x: Floats, width: Floats, apart: float, group: Ints, which: Ints) -> 
     return np.asarray((distance < apart) & ~both)
 
 
-def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bools, expected: Bools) -> Bools:
+def _strong(support: Floats, shown: Ints, count: Ints, least: float, clash: Bools) -> Bools:
     """Which clusters stay: of those that clash (k, k) the stronger; when none do, those with enough support. As in `supported`."""
     kept = strongest(np.lexsort((count, support))[::-1], clash)
-    return supported(support, shown, count, least, expected) if kept.all() else kept
-
-
-def _expected(sightings: FaceSightings, which: Ints, count: int) -> Bools:
-    """Which clusters (k,) all frames together show: frames were measured again where they do."""
-    return mostly(sightings.points.expected[sightings.uprights[:, 0, 0]], which, count)
+    return supported(support, shown, count, least) if kept.all() else kept
 
 
 def _drift(along: Floats, x: Floats) -> tuple[float, float]:

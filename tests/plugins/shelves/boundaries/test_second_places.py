@@ -1,11 +1,11 @@
 """Where second readings of beams' edges are looked for: nowhere beside the camera, or behind it."""
 
 import numpy as np
+from savmap_shelves.boundaries.second import Rays, places_of
 
 from savmap.geometry import pinhole
 from savmap.geometry.lines import Lines
 from savmap.types import ViewSpec
-from savmap_shelves.boundaries.second import Rays, places_of
 from savmap_shelves.boundaries.strips import Strips
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=150.0)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synth
+from savmap_shelves.evidence.hidden_edges import hidden_edges
 
 from savmap.types import Feature, Floats
-from savmap_shelves.evidence.hidden_edges import hidden_edges
 from savmap_shelves.tracking import track_structures
 
 FRAMES, HEIGHT, LEVELS, ODD = 20, 0.1, 5, 2

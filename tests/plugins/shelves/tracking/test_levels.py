@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synth
+from savmap_shelves.tracking.levels import _crowded, _often_enough, _support, _unlike
 from tracking_truth import counted
 
 from savmap.geometry import pinhole
 from savmap.types import Feature
 from savmap_shelves.tracking import track_structures
 from savmap_shelves.tracking.density import supported
-from savmap_shelves.tracking.levels import _crowded, _often_enough, _support, _unlike
 
 CLEAN = synth.Faults(
     noise_px=0.2, miss_upright=0, miss_beam=0, duplicate=0, wide=0, false_upright=0, false_beam=0, rear=0, behind=0

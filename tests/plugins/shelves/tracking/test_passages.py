@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from savmap_shelves.tracking.levels import seen_through
 
 SECTION = np.array([0, 0, 0, 1, 1, 2, 2])

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from savmap_shelves.evidence.second_readings import AcceptedReadings, accepted_readings
 
 from savmap.types import Floats, Ints
-from savmap_shelves.evidence.second_readings import AcceptedReadings, accepted_readings
 
 FRAMES, HEIGHT = 20, 0.1
 BOTTOMS = (0.0, 1.0, 2.0, 3.0, 4.0)

@@ -1,0 +1,307 @@
+"""The face of a rack as one probabilistic model: posts along x, and beams up each section between two of them.
+
+Each is the best set of intervals on the evidence of all frames (savmap.vision.evidence.intervals). Priors tie members together: posts and
+beams are of few profiles, sections have levels in common, and a beam of the rear face, seen through an open bay, shows where the front one
+of the same level is, nearer to the camera's height by one ratio a row. Lengths are in cells, counted from the patch's lower left corner.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.types import Bools, Floats, Ints, PlaneEvidence
+from savmap.vision.evidence.intervals import Intervals, best_intervals, interval_scores
+from savmap_shelves.likelihood import FaceParameters
+from savmap_shelves.paint import paint_ratios
+
+WIDEST, HIGHEST, NARROWEST = 0.2, 0.3, 2
+"""The widest post and the highest beam, as shares of the camera's distance, and cells of the least of both."""
+POOLED = 0.05
+"""Along members, cells are averaged over so much of the camera's distance: pictures say the same of them."""
+POSTS_APART, ABOVE = 0.08, 0.1
+"""Posts are at least so far apart, and no beam is further above the posts' tops, as shares of the camera's distance."""
+ROUNDS, SURE = 3, 5.0
+"""Of reading all sections, each with what the others gave; a member that scores more tells the usual profile."""
+LEAST_SHOWN = 0.01
+"""Cells that were seen less than this share of the usual are taken for unseen."""
+REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
+"""Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
+UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
+"""Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that tells their borders."""
+POSSIBLE = 0.01
+"""What is less likely is absent."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A post's or beam's edges across it, in the patch's coordinates, and how likely it exists."""
+
+    low: float
+    high: float
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """Posts from the left, beams of each section between two of them from the bottom up, and what may exist beside these; how far up the
+    posts show; and the rear members' ratio, 0 where none show."""
+
+    posts: tuple[Member, ...]
+    sections: tuple[tuple[Member, ...], ...]
+    possible: tuple[tuple[Member, ...], ...]
+    bottom: float
+    top: float
+    rear: float
+
+
+@dataclass(frozen=True, eq=False)
+class FaceReader:
+    """Reads the face in the evidence of all frames on the uprights' plane and on the beams', which is a patch of the same cells.
+
+    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the lower side, None where
+    it is not known.
+    """
+
+    uprights: PlaneEvidence
+    beams: PlaneEvidence
+    camera: tuple[float, float]
+    floor: float | None
+    parameters: FaceParameters
+
+    @property
+    def cell(self) -> float:
+        """A cell's side as a share of the camera's distance."""
+        return self.uprights.patch.cell / self.camera[1]
+
+    def cells(self, share: float) -> int:
+        """How many cells a share of the camera's distance is."""
+        return max(1, round(share / self.cell))
+
+    def ratios(self, evidence: PlaneEvidence, label: str) -> Floats:
+        """Log-likelihood ratios (rows, columns) of the cells, the lowest row first."""
+        shown: Bools = evidence.weight > LEAST_SHOWN * np.median(evidence.weight[evidence.weight > 0])
+        return np.asarray(self.parameters.ratios(label, evidence.of(label), shown)[::-1], np.float64)
+
+    def read(self) -> Face | None:
+        """The face; None where fewer than two posts show."""
+        if not (self.uprights.weight > 0).any():
+            return None
+        upright = self.ratios(self.uprights, "upright")
+        posts, (bottom, top) = self._posts(upright)
+        if len(posts.cells) < 2:
+            return None
+        first = int(np.asarray(self.beams.weight > 0).any(axis=1)[::-1].argmax())
+        if self.floor is not None:
+            first = max(first, int(np.clip(self.floor / self.uprights.patch.cell, 0, top - 1)))
+        sections, rear = self._sections(posts, first, min(len(upright), top + self.cells(ABOVE)))
+        cell = self.uprights.patch.cell
+        rows = slice(bottom, top)
+        (places,) = measured_members(
+            [posts], [self._means(self.uprights, "upright")[rows].T], usual_width([posts]) or 1.0
+        )
+        spans = [(left[1] + 1, right[0] - 1) for left, right in pairwise(posts.cells.tolist())]
+        shown = [self._means(self.beams, "beam")[first:, slice(*span)] for span in spans]
+        levels = measured_members(sections, shown, usual_width(sections) or 1.0)
+        return Face(
+            tuple(
+                Member(float(place[0] * cell), float(place[1] * cell), likely)
+                for place, likely in zip(places, posts.existing.tolist(), strict=True)
+            ),
+            tuple(
+                tuple(
+                    Member(float((first + level[0]) * cell), float((first + level[1]) * cell), likely)
+                    for level, likely in zip(own, section.existing.tolist(), strict=True)
+                )
+                for own, section in zip(levels, sections, strict=True)
+            ),
+            tuple(tuple(_possible(section, first, cell)) for section in sections),
+            bottom * cell,
+            top * cell,
+            rear,
+        )
+
+    def _means(self, evidence: PlaneEvidence, label: str) -> Floats:
+        """Mean scores (rows, columns), the lowest row first."""
+        return np.asarray(evidence.of(label)[::-1], np.float64)
+
+    def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int]]:
+        """Posts, and the rows between which they show."""
+        widths, rows = np.arange(NARROWEST, self.cells(WIDEST)), (0, len(ratios))
+        usual: float | None = None
+        for _ in range(ROUNDS):
+            scores = self._scores(ratios[slice(*rows)].T, widths) + self.parameters.post + self._profile(widths, usual)
+            (posts,) = best_intervals([scores], widths, self.cells(POSTS_APART))
+            if not len(posts.cells):
+                break
+            usual = float(np.median(np.diff(posts.cells, axis=1)))
+            rows = _extent(np.median([ratios[:, low:high].mean(axis=1) for low, high in posts.cells.tolist()], axis=0))
+        return posts, rows
+
+    def _sections(self, posts: Intervals, first: int, last: int) -> tuple[list[Intervals], float]:
+        """The beams of all sections between rows `first` and `last`, and the rear members' ratio."""
+        ratios, widths = self.ratios(self.beams, "beam")[first:last], np.arange(NARROWEST, self.cells(HIGHEST))
+        spans = [(left[1] + 1, right[0] - 1) for left, right in pairwise(posts.cells.tolist())]
+        shown = [self._scores(ratios[:, slice(*span)], widths) for span in spans]
+        picture = self.beams.picture[::-1][first:last]
+        middles = np.arange(len(ratios))[:, None] + widths / 2
+        camera = self.camera[0] / self.uprights.patch.cell - first
+        gap, usual, rear = self.cells(self.parameters.gap), None, 0.0
+        sections: list[Intervals] = []
+        for turn in range(ROUNDS + 1):
+            profile = self._profile(widths, usual)
+            scores = [own + profile + self._levels(number, sections, middles) for number, own in enumerate(shown)]
+            if rear:
+                images = [camera + rear * (section.cells.mean(axis=1) - camera) for section in sections]
+                scores = [
+                    own + self.parameters.rear * _is_rear(middles, widths, own_images, section, usual or 0.0)
+                    for own, own_images, section in zip(scores, images, sections, strict=True)
+                ]
+            sections = best_intervals(scores, widths, gap)
+            usual = usual_width(sections)
+            if turn == 1 and usual is not None:
+                paint = self._paint(picture, sections, spans)
+                shown = [
+                    self._scores(ratios[:, slice(*span)] + own[:, slice(*span)], widths)
+                    for span, own in zip(spans, paint, strict=True)
+                ]
+                rear = rear_ratio(shown, sections, widths, camera, usual)
+        return sections, rear
+
+    def _paint(
+        self, picture: NDArray[np.uint8], sections: Sequence[Intervals], spans: Sequence[tuple[int, int]]
+    ) -> list[Floats]:
+        """What paint adds to the ratios (rows, columns) in each section, by the sure members of the others."""
+        members, groups = np.zeros((2, len(sections), *picture.shape[:2]), np.bool_)
+        for number, (section, span) in enumerate(zip(sections, spans, strict=True)):
+            groups[number, :, slice(*span)] = True
+            for low, high in section.cells[section.score > SURE].tolist():
+                members[number, low:high, slice(*span)] = True
+        limit = self.parameters.paint_limit
+        return [self.parameters.paint * ratios for ratios in paint_ratios(picture, [*members], [*groups], limit)]
+
+    def _scores(self, ratios: Floats, widths: Ints) -> Floats:
+        """Scores (n, w) of intervals across cells (n, m), of which every few along are averaged."""
+        pooled = self.cells(POOLED)
+        blocks = ratios.shape[1] // pooled
+        if not blocks:
+            return np.zeros((len(ratios), len(widths)))
+        mean = ratios[:, : blocks * pooled].reshape(len(ratios), blocks, pooled).mean(axis=2)
+        occlusion = self.parameters.occlusion(self.cell)
+        return interval_scores(mean, widths, replace(occlusion, same_along=max(1.0, occlusion.same_along / pooled)))
+
+    def _profile(self, widths: Ints, usual: float | None) -> Floats:
+        """Log prior (w,) of widths: about the usual one, once it is known."""
+        if usual is None:
+            return np.full(len(widths), -np.log(len(widths)))
+        cost = 0.5 * np.square((widths - usual) / max(1.0, self.parameters.profile * usual))
+        return np.asarray(-cost - np.log(np.exp(-cost).sum()))
+
+    def _levels(self, number: int, sections: Sequence[Intervals], middles: Floats) -> Floats:
+        """Log rate of beams at middles (n, w), by how many of the other sections have one there."""
+        others = [section for k, section in enumerate(sections) if k != number]
+        if not others:
+            return np.full(middles.shape, self.parameters.level)
+        near = self.cells(POOLED) / 2
+        places = (section.cells.mean(axis=1) for section in others)
+        share = sum((np.abs(middles[..., None] - place) <= near).any(axis=-1) for place in places) / len(others)
+        return np.asarray(self.parameters.level + np.log1p(np.expm1(self.parameters.shared) * share))
+
+
+def _extent(along: Floats) -> tuple[int, int]:
+    """The rows between which posts show, by the median (rows,) of their log-likelihood ratios."""
+    summed = np.concatenate([[0.0], np.cumsum(np.clip(along, -2, 2))])
+    last = int((summed - np.minimum.accumulate(summed)).argmax())
+    return int(summed[: last + 1].argmin()), last
+
+
+def usual_width(sections: Sequence[Intervals]) -> float | None:
+    """The usual width of the members that are sure."""
+    widths = [np.diff(section.cells, axis=1)[section.score > SURE, 0] for section in sections]
+    sure = np.concatenate(widths) if widths else np.zeros(0)
+    return float(np.median(sure)) if len(sure) else None
+
+
+def rear_ratio(
+    shown: Sequence[Floats], sections: Sequence[Intervals], widths: Ints, camera: float, usual: float
+) -> float:
+    """The ratio at which rear members of the sections' beams show most, above the camera's row; 0 where none do."""
+    best, found = REAR_FOUND, 0.0
+    for ratio in REAR_RATIOS.tolist():
+        column = int(np.clip(round(ratio * usual) - widths[0], 0, len(widths) - 1))
+        total = 0.0
+        for scores, section in zip(shown, sections, strict=True):
+            middles = section.cells.mean(axis=1)
+            for image in camera + ratio * (middles - camera):
+                first = round(float(image) - float(widths[column]) / 2)
+                if np.abs(middles - image).min() > usual and 1 <= first < len(scores) - 1:
+                    total += max(float(scores[first - 1 : first + 2, column].max()), -1.0)
+        if total > best:
+            best, found = total, ratio
+    return found
+
+
+def _is_rear(middles: Floats, widths: Ints, images: Floats, section: Intervals, usual: float) -> Floats:
+    """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a beam's own place."""
+    own = np.abs(section.cells.mean(axis=1) - images) < usual
+    at = (np.abs(middles[..., None] - images[~own]) < usual / 4).any(axis=-1)
+    return np.asarray(at & (widths < 0.85 * usual), np.float64)
+
+
+def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]:
+    for low, high, probability in intervals.others(POSSIBLE):
+        yield Member((low + first) * cell, (high + first) * cell, probability)
+
+
+def measured_members(intervals: Sequence[Intervals], scores: Sequence[Floats], usual: float) -> list[list[Floats]]:
+    """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells: where the score falls to
+    half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits its scores best: something hides one of its
+    borders or adjoins it."""
+    own = [
+        [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
+    ]
+    widths = np.array([member[1] - member[0] for members in own for member in members])
+    alike = widths[np.abs(widths / usual - 1) < UNEVEN]
+    usual = float(np.median(alike)) if len(alike) else usual
+    return [
+        [
+            member if abs((member[1] - member[0]) / usual - 1) < UNEVEN else placed(line, member, usual)
+            for member in members
+        ]
+        for members, line in zip(own, scores, strict=True)
+    ]
+
+
+def profile_across(scores: Floats, low: int, high: int) -> Floats:
+    """Scores (n,) across a member, where along it its middle shows."""
+    third = max(1, (high - low) // 3)
+    core = scores[low + (high - low - third) // 2 :][:third].mean(axis=0)
+    shown = core >= np.quantile(core, SHOWN)
+    return np.asarray(np.quantile(scores[:, shown], HIGH, axis=1))
+
+
+def borders(scores: Floats, low: int, high: int) -> Floats:
+    """Where the scores (n, m) across a member fall to half of its greatest (2,), in cells from the first's lower side."""
+    profile = profile_across(scores, low, high)
+    top = low + int(profile[low:high].argmax())
+    half = profile[top] / 2
+    first = next((k for k in range(top, -1, -1) if profile[k] < half), -1)
+    last = next((k for k in range(top, len(profile)) if profile[k] < half), len(profile))
+    lower = first + (half - profile[first]) / (profile[first + 1] - profile[first]) if first >= 0 else -0.5
+    upper = last - (half - profile[last]) / (profile[last - 1] - profile[last]) if last < len(profile) else last - 0.5
+    return np.array([lower, upper]) + 0.5
+
+
+def placed(scores: Floats, member: Floats, usual: float) -> Floats:
+    """The borders (2,) of a member of the usual width where it gathers most of the scores about a place that is known to half of its width."""
+    low, high = int(np.floor(member[0])), max(int(np.ceil(member[1])), int(np.floor(member[0])) + 1)
+    profile = profile_across(scores, max(low, 0), min(high, len(scores)))
+    summed = np.concatenate([[0.0], np.cumsum(profile - profile.max() / 2)])
+    room = abs(member[1] - member[0] - usual) / 2 + 1
+    middles = member.mean() + np.linspace(-room, room, 41)
+    cells = np.arange(len(summed))
+    gathered = np.interp(middles + usual / 2, cells, summed) - np.interp(middles - usual / 2, cells, summed)
+    best = gathered >= gathered.max() - 1e-9
+    return float(middles[best].mean()) + usual * np.array([-0.5, 0.5])

@@ -1,0 +1,93 @@
+"""Uprights and beams that the evidence of all frames shows, as objects to be measured in the pictures."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from savmap.errors import StructureError
+from savmap.types import FoundObject, PlaneEvidence, PlanePatch, RowFacts, Trajectory
+from savmap.vision.evidence.planes import heights_shown
+from savmap_shelves.face_model import Face, FaceReader, Member
+from savmap_shelves.likelihood import fitted
+
+CELL, BEYOND, ROOM = 0.0125, 1.3, 0.1
+"""The side of a cell, how far beyond the camera's path the face is read, and how far an upright's outline goes on at both ends, as shares of
+the camera's distance."""
+LIKELY = 0.5
+"""Members that are more likely than this are numbered and mapped."""
+
+
+def find(
+    gather: Callable[[PlanePatch], PlaneEvidence],
+    path: Trajectory,
+    points: Mapping[str, np.ndarray],
+    facts: RowFacts,
+    floor: float | None,
+) -> list[FoundObject]:
+    """Uprights "upright 1" ... and beams "bay 1 / beam 1" ..., and what may exist beside them. Raises StructureError where no bay shows."""
+    places = path.world_from_rig[:, :3, 3]
+    distance = float(np.median(places[:, 2]))
+    patch = face_patch(path, facts)
+    uprights = gather(patch)
+    depth = float(np.median([0.0, *(point[2] for name, point in points.items() if " / beam " in name)][1:] or [0.0]))
+    beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
+    camera = float(np.median(places[:, 1])) - float(patch.origin[1]), distance
+    below = None if floor is None else floor - float(patch.origin[1])
+    face = FaceReader(uprights, beams, camera, below, fitted()).read()
+    if face is None:
+        raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
+    if not any(face.sections):
+        raise StructureError(f"row {facts.name}: {len(face.posts)} uprights but no beam between them were found")
+    return [*_objects(face, patch, depth, ROOM * distance)]
+
+
+def face_patch(path: Trajectory, facts: RowFacts) -> PlanePatch:
+    """All of the face that the views of a path show, z = 0."""
+    places = path.world_from_rig[:, :3, 3]
+    distance = float(np.median(places[:, 2]))
+    low, high = heights_shown(path, facts)
+    left, right = places[:, 0].min() - BEYOND * distance, places[:, 0].max() + BEYOND * distance
+    return PlanePatch(
+        "face",
+        np.array([left, low, 0.0]),
+        np.eye(3)[0],
+        np.eye(3)[1],
+        np.array([right - left, high - low]),
+        CELL * distance,
+    )
+
+
+def _objects(face: Face, patch: PlanePatch, depth: float, room: float) -> Iterator[FoundObject]:
+    low, high = face.bottom - room, face.top + room
+    for number, post in enumerate(face.posts, 1):
+        yield _object(f"upright {number}", "upright", (post.low, post.high), (low, high), patch, 0.0, post.probability)
+    bays = zip(pairwise(face.posts), face.sections, face.possible, strict=True)
+    for bay, ((left, right), beams, possible) in enumerate(bays, 1):
+        mapped = [beam for beam in beams if beam.probability >= LIKELY]
+        names = [f"bay {bay} / beam {number}" for number in range(1, len(mapped) + 1)]
+        others = [beam for beam in (*beams, *possible) if beam.probability < LIKELY]
+        places = [_where(beam, mapped) for beam in others]
+        names += [f"bay {bay} / {place}, {places[: k + 1].count(place)}" for k, place in enumerate(places)]
+        for name, beam in zip(names, (*mapped, *others), strict=True):
+            yield _object(name, "beam", (left.high, right.low), (beam.low, beam.high), patch, depth, beam.probability)
+
+
+def _where(beam: Member, mapped: list[Member]) -> str:
+    """Where a beam that is not mapped would be among those of its bay."""
+    below = sum(other.low < beam.low for other in mapped)
+    return f"above beam {below}" if below else "below beam 1"
+
+
+def _object(
+    name: str,
+    label: str,
+    x: tuple[float, float],
+    y: tuple[float, float],
+    patch: PlanePatch,
+    depth: float,
+    probability: float,
+) -> FoundObject:
+    corners = np.array([[x[0], y[0], depth], [x[1], y[0], depth], [x[1], y[1], depth], [x[0], y[1], depth]])
+    return FoundObject(name, label, corners + np.array([patch.origin[0], patch.origin[1], 0.0]), probability)

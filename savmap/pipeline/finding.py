@@ -1,0 +1,193 @@
+"""What all frames show together: objects on planes, found in their evidence, and measured in every frame at their places.
+
+Once the camera's path is roughly known, the networks' scores of all frames add up on the planes that structures lie in. A plugin finds its
+objects there, each with the probability that it exists. Their edges are then measured in the strips that the drive kept of the frames, and
+the path is solved; a second round finds and measures with that path.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from savmap.errors import SiteError, SolveError, StructureError
+from savmap.pipeline.path import first_poses, located_by
+from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
+from savmap.plugin.manager import LoadedPlugin
+from savmap.types import (
+    Feature,
+    FlatDepth,
+    Floats,
+    FoundObject,
+    Panorama,
+    PlaneEvidence,
+    PlanePatch,
+    Structure,
+    Trajectory,
+    View,
+)
+from savmap.types.progress import Monitor
+from savmap.vision.evidence import (
+    FloorHeight,
+    depth_of,
+    expected_detections,
+    features_of,
+    floor_before,
+    floor_tracks,
+    found_detections,
+    gather,
+    outlines_in,
+)
+from savmap.vision.strips import PanoramaStrip
+
+UPRIGHT = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Where the camera was, up to scale, and what the plugins that were asked so far found from there."""
+
+    path: Trajectory | None
+    measurements: RowMeasurements
+
+
+def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
+    """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate the camera come
+    first. Raises StructureError where one of these finds nothing."""
+    measurements = walked.measurements
+    found = Found(walked.request.path, measurements)
+    for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
+        if plugin.name in walked.packed_views and plugin.failure is None:
+            locates = plugin.name in measurements.locators
+            found = Finder(walked, plugin).located(found) if locates else Finder(walked, plugin).found(found, monitor)
+    return MeasuredRow(walked.request, found.measurements, strips=walked.strips)
+
+
+class Finder:
+    """Finds a plugin's objects in a row that was walked along."""
+
+    def __init__(self, walked: WalkedRow, plugin: LoadedPlugin) -> None:
+        self.walked, self.plugin = walked, plugin
+        self.facts, self.packed_views = walked.measurements.facts, walked.packed_views[plugin.name]
+        self._faces: list[PlanePatch] = []
+        self._floor_share: float | None = None
+
+    def located(self, found: Found) -> Found:
+        """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
+        lie. The first round measures the edges of masks, the second those of the panoramas where the model says that they are."""
+        measurements, path = found.measurements, found.path or self._first_path(found.measurements)
+        points: Mapping[str, Floats] = {}
+        for last in (False, True):
+            measured = self._measured(measurements, path, points, last)
+            try:
+                located = located_by(self.plugin, self.walked.request, measured)
+            except (SolveError, SiteError) as error:
+                raise StructureError(f"row {self.facts.name}: what is found cannot be solved: {error}") from error
+            measurements, path, points = measured, located.path, located.points[self.plugin.name]
+        depths = tuple(self._depths(path, points)) if self.plugin.has("flat_parts") else ()
+        measurements = replace(measurements, depths=(*measurements.depths, *depths))
+        if not measurements.floor.tracks and (floor := self._floor(path, np.array([*points.values()]))) is not None:
+            walked, face = self.walked, self._faces[-1]
+            tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
+            measurements = replace(measurements, floor=tracks)
+        return Found(path, measurements)
+
+    def found(self, found: Found, monitor: Monitor) -> Found:
+        """With the objects of a plugin that needs to be told where the camera was."""
+        if found.path is None:
+            return found
+        try:
+            return Found(found.path, self._measured(found.measurements, found.path, {}, True))
+        except StructureError as error:
+            monitor.note(str(error))
+            return Found(found.path, self._with(found.measurements, [], []))
+
+    def _first_path(self, measurements: RowMeasurements) -> Trajectory:
+        """By what single frames show."""
+        start, _ = first_poses(self.walked.request, measurements)
+        return self.plugin.locate(measurements.features[self.plugin.name], self.facts, start.world_from_rig[:, :3, :3])
+
+    def _measured(
+        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], exactly: bool
+    ) -> RowMeasurements:
+        """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines."""
+        gathered = partial(self._gather, path)
+        objects = self.plugin.find(gathered, path, points, self.facts, None)
+        mapped = [thing for thing in objects if thing.is_mapped]
+        floor = self._floor(path, np.concatenate([np.zeros((0, 3)), *(thing.outline for thing in mapped)]))
+        if floor is not None and any(thing.outline[:, 1].max() < floor.y for thing in mapped):
+            objects = self.plugin.find(gathered, path, points, self.facts, floor.y)
+            mapped = [thing for thing in objects if thing.is_mapped]
+        return self._with(measurements, objects, [*self._features(mapped, path, exactly)])
+
+    def _with(
+        self, measurements: RowMeasurements, objects: list[FoundObject], features: list[Feature]
+    ) -> RowMeasurements:
+        name = self.plugin.name
+        return replace(
+            measurements,
+            features={**measurements.features, name: features},
+            found={**measurements.found, name: tuple(objects)},
+        )
+
+    def _gather(self, path: Trajectory, patch: PlanePatch) -> PlaneEvidence:
+        if patch.up[1] > UPRIGHT:
+            self._faces.append(patch)
+        return gather(patch, self.plugin.classes, self.packed_views, self.facts.views, path)
+
+    def _floor(self, path: Trajectory, points: Floats) -> FloorHeight | None:
+        """Where the floor is before the upright plane that was looked at last, where the pictures tell."""
+        if not self._faces or not len(points):
+            return None
+        walked, face = self.walked, self._faces[-1]
+        floor = floor_before(face, points, walked.floor, walked.floor_views, path, self._floor_share)
+        self._floor_share = floor.share if floor else None
+        return floor
+
+    def _depths(self, path: Trajectory, points: Mapping[str, Floats]) -> Iterator[FlatDepth]:
+        """How deep the plugin's flat parts lie, where the pictures tell."""
+        for flat in self.plugin.flat_parts(points):
+            depth = depth_of(self.plugin.name, flat, self.packed_views, self.facts.views, path)
+            if depth is not None:
+                yield depth
+
+    def _features(self, objects: list[FoundObject], path: Trajectory, exactly: bool) -> Iterator[Feature]:
+        """What is measured of objects in all frames whose pose is known."""
+        poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+        series, strip = strips_of(self.walked.request.name), None
+        panorama: Panorama | None = None
+        for packed_view in self.packed_views:
+            if packed_view.frame not in poses:
+                continue
+            if strip is None or strip.frame != packed_view.frame:
+                strip = self.walked.journal.get(PanoramaStrip, series, packed_view.frame)
+                panorama = strip.panorama() if strip is not None else None
+            if strip is None or panorama is None:
+                continue
+            spec = self.facts.views[packed_view.view]
+            outlines = outlines_in(spec, poses[packed_view.frame], objects)
+            view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
+            seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
+            if exactly:
+                detections = found_detections(view, seen, poses[packed_view.frame], objects)
+            else:
+                detections = expected_detections(view, seen, outlines)
+            pixels = panorama if exactly else None
+            yield from features_of(self.plugin.extract_features(view, detections, pixels), outlines)
+
+
+def uncertain_objects(found: Iterable[FoundObject], structures: Sequence[Structure]) -> tuple[FoundObject, ...]:
+    """What is found and not mapped, in metres: laid there as the mapped objects lie where their structures are."""
+    objects = [*found]
+    places = {structure.id: structure.vertices.mean(axis=0) for structure in structures}
+    mapped = [thing for thing in objects if thing.id in places]
+    others = [thing for thing in objects if thing.id not in places]
+    if len(mapped) < 2 or not others:
+        return ()
+    before = np.array([thing.outline.mean(axis=0) for thing in mapped])
+    after = np.array([places[thing.id] for thing in mapped])
+    scale = float(np.linalg.norm(after - after.mean(axis=0)) / np.linalg.norm(before - before.mean(axis=0)))
+    return tuple(
+        replace(thing, outline=after.mean(axis=0) + scale * (thing.outline - before.mean(axis=0))) for thing in others
+    )
