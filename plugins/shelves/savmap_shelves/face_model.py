@@ -93,7 +93,8 @@ class FaceReader:
         posts, (bottom, top) = self._posts(upright)
         if len(posts.cells) < 2:
             return None
-        first = int(np.asarray(self.beams.weight > 0).any(axis=1)[::-1].argmax())
+        seen = np.flatnonzero((self.beams.weight > 0).sum(axis=1)[::-1])
+        first = int(seen[0])
         if self.floor is not None:
             first = max(first, int(np.clip(self.floor / self.uprights.patch.cell, 0, top - 1)))
         sections, rear = self._sections(posts, first, min(len(upright), top + self.cells(ABOVE)))

@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,8 @@ class FaceParameters:
 @lru_cache(1)
 def fitted() -> FaceParameters:
     """The parameters that are shipped."""
-    content = json.loads(FITTED.read_text(encoding="utf-8"))["parameters"]
-    return FaceParameters(
-        **{name: tuple(value) if isinstance(value, list) else value for name, value in content.items()}
-    )
+    content: dict[str, Any] = json.loads(FITTED.read_text(encoding="utf-8"))["parameters"]
+    given: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in content.items()
+    }
+    return FaceParameters(**given)
