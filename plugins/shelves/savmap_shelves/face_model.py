@@ -61,14 +61,15 @@ class Face:
 class FaceReader:
     """Reads the face in the evidence of all frames on the uprights' plane and on the beams', which is a patch of the same cells.
 
-    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the lower side, None where
-    it is not known.
+    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the lower side; sizes: the
+    posts' usual width and the beams' usual thickness; None where they are not known.
     """
 
     uprights: PlaneEvidence
     beams: PlaneEvidence
     camera: tuple[float, float]
     floor: float | None
+    sizes: tuple[float | None, float | None]
     parameters: FaceParameters
 
     @property
@@ -100,12 +101,11 @@ class FaceReader:
         sections, rear = self._sections(posts, first, min(len(upright), top + self.cells(ABOVE)))
         cell = self.uprights.patch.cell
         rows = slice(bottom, top)
-        (places,) = measured_members(
-            [posts], [self._means(self.uprights, "upright")[rows].T], usual_width([posts]) or 1.0
-        )
+        width, thickness = (None if size is None else size / cell for size in self.sizes)
+        (places,) = measured_members([posts], [self._means(self.uprights, "upright")[rows].T], width)
         spans = [(left[1] + 1, right[0] - 1) for left, right in pairwise(posts.cells.tolist())]
         shown = [self._means(self.beams, "beam")[first:, slice(*span)] for span in spans]
-        levels = measured_members(sections, shown, usual_width(sections) or 1.0)
+        levels = measured_members(sections, shown, thickness)
         return Face(
             tuple(
                 Member(float(place[0] * cell), float(place[1] * cell), likely)
@@ -256,19 +256,24 @@ def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]
         yield Member((low + first) * cell, (high + first) * cell, probability)
 
 
-def measured_members(intervals: Sequence[Intervals], scores: Sequence[Floats], usual: float) -> list[list[Floats]]:
+def measured_members(
+    intervals: Sequence[Intervals], scores: Sequence[Floats], solved: float | None
+) -> list[list[Floats]]:
     """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells: where the score falls to
     half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits its scores best: something hides one of its
-    borders or adjoins it."""
+    borders or adjoins it. Scores are blurred; where the usual width was `solved`, in cells, all members become thinner by as much."""
+    usual = usual_width(intervals) or 1.0
     own = [
         [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
     ]
     widths = np.array([member[1] - member[0] for members in own for member in members])
-    alike = widths[np.abs(widths / usual - 1) < UNEVEN]
+    alike = widths[np.abs(widths - usual) < max(UNEVEN * usual, 1.0)]
     usual = float(np.median(alike)) if len(alike) else usual
+    room, blur = max(UNEVEN * usual, 0.5), 0.0 if solved is None else max(usual - solved, 0.0)
+    thinner = blur / 2 * np.array([1.0, -1.0])
     return [
         [
-            member if abs((member[1] - member[0]) / usual - 1) < UNEVEN else placed(line, member, usual)
+            (member if abs(member[1] - member[0] - usual) < room else placed(line, member, usual)) + thinner
             for member in members
         ]
         for members, line in zip(own, scores, strict=True)

@@ -9,6 +9,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.types import FoundObject, PlaneEvidence, PlanePatch, RowFacts, Trajectory
 from savmap.vision.evidence.planes import heights_shown
+from savmap_shelves.evidence import tracked_grid
 from savmap_shelves.face_model import Face, FaceReader, Member
 from savmap_shelves.likelihood import fitted
 
@@ -35,7 +36,9 @@ def find(
     beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
     camera = float(np.median(places[:, 1])) - float(patch.origin[1]), distance
     below = None if floor is None else floor - float(patch.origin[1])
-    face = FaceReader(uprights, beams, camera, below, fitted()).read()
+    grid = tracked_grid(points)
+    sizes = (grid.width, grid.thickness) if grid else (None, None)
+    face = FaceReader(uprights, beams, camera, below, sizes, fitted()).read()
     if face is None:
         raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
     if not any(face.sections):

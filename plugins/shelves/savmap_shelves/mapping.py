@@ -120,15 +120,17 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
 
 
 def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
-    """Beams, those of which one edge was measured nowhere with that edge where most have it: an edge that nothing holds
-    may be anywhere. Where too few beams have both, those of which one was not even tracked are left out."""
+    """Beams, those of which one edge was measured nowhere, or less well than the usual height tells it, with that edge
+    where most have it. Where too few beams have both, those of which one was not even tracked are left out."""
     unmeasured = [_unmeasured(beam) for beam in beams]
     measured = [beam for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
     if len(measured) < LEAST_PROFILES:
         return [beam for beam in beams if beam.attributes.get("height_sigma_m") != UNKNOWN_M]
+    usual = [_usual_height(beam, measured) for beam in beams]
+    unmeasured = [_unmeasured(beam, min(UNMEASURED_M, size[1])) for beam, size in zip(beams, usual, strict=True)]
     return [
-        _as_high(beam, *_usual_height(beam, measured), edges) if any(edges) else beam
-        for beam, edges in zip(beams, unmeasured, strict=True)
+        _as_high(beam, *size, edges) if any(edges) else beam
+        for beam, size, edges in zip(beams, usual, unmeasured, strict=True)
     ]
 
 
@@ -148,16 +150,17 @@ def _height(beam: Structure) -> float:
     return float(beam.vertices[2:, 1].mean() - beam.vertices[:2, 1].mean())
 
 
-def _unmeasured(beam: Structure) -> tuple[bool, bool]:
-    """Whether a beam's lower and upper edge were measured nowhere."""
-    unsure = beam.covariances[:, 1, 1] > UNMEASURED_M**2
+def _unmeasured(beam: Structure, limit_m: float = UNMEASURED_M) -> tuple[bool, bool]:
+    """Whether a beam's lower and upper edge were measured nowhere, or worse than to a limit."""
+    unsure = beam.covariances[:, 1, 1] > limit_m**2
     return bool(unsure[:2].all()), bool(unsure[2:].all())
 
 
 def _as_high(beam: Structure, height: float, sigma: float, unmeasured: tuple[bool, bool]) -> Structure:
     """A beam of a height with a standard deviation, m, which was measured nowhere at one edge or at both."""
     if all(unmeasured):
-        return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER})
+        unseen = all(_unmeasured(beam))
+        return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER}) if unseen else beam
     vertices, covariances = beam.vertices.copy(), beam.covariances.copy()
     free, held = (slice(2), slice(2, None)) if unmeasured[0] else (slice(2, None), slice(2))
     vertices[free, 1] = vertices[held, 1] + (-height if unmeasured[0] else height)
