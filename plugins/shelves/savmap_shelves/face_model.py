@@ -31,6 +31,8 @@ REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
 """Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
 """Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that tells their borders."""
+THINNER = 0.85
+"""Rear beams are thinner than this share of the usual thickness."""
 POSSIBLE = 0.01
 """What is less likely is absent."""
 
@@ -155,7 +157,7 @@ class FaceReader:
             profile = self._profile(widths, usual)
             scores = [own + profile + self._levels(number, sections, middles) for number, own in enumerate(shown)]
             if rear:
-                images = [camera + rear * (section.cells.mean(axis=1) - camera) for section in sections]
+                images = [camera + rear * (_of_front(section, usual or 0.0) - camera) for section in sections]
                 scores = [
                     own + self.parameters.rear * _is_rear(middles, widths, own_images, section, usual or 0.0)
                     for own, own_images, section in zip(scores, images, sections, strict=True)
@@ -234,7 +236,7 @@ def rear_ratio(
         column = int(np.clip(round(ratio * usual) - widths[0], 0, len(widths) - 1))
         total = 0.0
         for scores, section in zip(shown, sections, strict=True):
-            middles = section.cells.mean(axis=1)
+            middles = _of_front(section, usual)
             for image in camera + ratio * (middles - camera):
                 first = round(float(image) - float(widths[column]) / 2)
                 if np.abs(middles - image).min() > usual and 1 <= first < len(scores) - 1:
@@ -246,9 +248,14 @@ def rear_ratio(
 
 def _is_rear(middles: Floats, widths: Ints, images: Floats, section: Intervals, usual: float) -> Floats:
     """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a beam's own place."""
-    own = np.abs(section.cells.mean(axis=1) - images) < usual
+    own = np.abs(_of_front(section, usual) - images) < usual
     at = (np.abs(middles[..., None] - images[~own]) < usual / 4).any(axis=-1)
-    return np.asarray(at & (widths < 0.85 * usual), np.float64)
+    return np.asarray(at & (widths < THINNER * usual), np.float64)
+
+
+def _of_front(section: Intervals, usual: float) -> Floats:
+    """The middles (k,) of a section's beams that are not thinner than those of the front."""
+    return np.asarray(section.cells.mean(axis=1)[np.diff(section.cells, axis=1)[:, 0] >= THINNER * usual])
 
 
 def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]:
