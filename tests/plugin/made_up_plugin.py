@@ -15,13 +15,12 @@ from savmap.types import (
     CrossRowLandmark,
     Detection,
     Drawing,
-    Expected,
     Feature,
     FlatParts,
+    FoundObject,
     FrameTable,
     JointCovariance,
     MapWarning,
-    PlaneEvidence,
     PlanePatch,
     RowFacts,
     Score,
@@ -46,7 +45,6 @@ NO_EDGES = np.empty((0, 2), np.int64)
 THING = Structure("thing 1", "thing", np.zeros((1, 3)), np.eye(3)[None], ("foot",), NO_EDGES)
 LANDMARK = CrossRowLandmark("thing 1", "thing", np.zeros(3), np.eye(3))
 FRONT = PlanePatch("front", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
-SEEN = PlaneEvidence(FRONT, ("thing",), np.zeros((1, 10, 10)), np.zeros((10, 10)), np.zeros((10, 10, 3), np.uint8))
 FLAT = FlatParts("thing 1", "z", (FRONT,))
 KEYS = KeySpace("made-up").keys(["thing 1"])
 POINTS = {"thing 1": np.zeros(3)}
@@ -66,8 +64,9 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "detect": lambda plugin: plugin.detect(VIEW, None),
     "extract_features": lambda plugin: plugin.extract_features(VIEW, [], None),
     "track": lambda plugin: plugin.track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH),
+    "locate": lambda plugin: plugin.locate([FEATURE], FACTS, np.tile(np.eye(3), (5, 1, 1))),
+    "find": lambda plugin: plugin.find(None, PATH, POINTS, FACTS, 0.0),
     "planes": lambda plugin: plugin.planes(POINTS),
-    "expect": lambda plugin: plugin.expect(POINTS, [SEEN], 0.0),
     "flat_parts": lambda plugin: plugin.flat_parts(POINTS),
     "constrain": lambda plugin: plugin.constrain([TRACK], FACTS, PATH),
     "describe": lambda plugin: plugin.describe([TRACK], FACTS, SOLVED),
@@ -86,8 +85,9 @@ ANSWERS: dict[str, Any] = {
     "detect": [DETECTION],
     "extract_features": [FEATURE],
     "track": [TRACK],
+    "locate": PATH,
+    "find": [FoundObject("thing 1", "thing", np.eye(3), 0.75)],
     "planes": [FRONT],
-    "expect": [Expected("thing", np.eye(3))],
     "flat_parts": [FLAT, FlatParts("thing 1", "x", ())],
     "constrain": CONSTRAINTS,
     "describe": [THING],
