@@ -1,6 +1,6 @@
 """The best set of intervals and the probability of each: exactly what trying all sets gives."""
 
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -21,7 +21,7 @@ def all_sets(count: int, gap: int) -> list[tuple[Interval, ...]]:
         chosen
         for size in range(count // 2 + 1)
         for chosen in combinations(single, size)
-        if all(b[0] >= a[0] + WIDTHS[a[1]] + gap for a, b in zip(chosen, chosen[1:], strict=False))
+        if all(b[0] >= a[0] + WIDTHS[a[1]] + gap for a, b in pairwise(chosen))
     ]
 
 

@@ -71,8 +71,8 @@ class FaceReader:
     beams: PlaneEvidence
     camera: tuple[float, float]
     floor: float | None
-    sizes: tuple[float | None, float | None]
     parameters: FaceParameters
+    sizes: tuple[float | None, float | None] = (None, None)
 
     @property
     def cell(self) -> float:

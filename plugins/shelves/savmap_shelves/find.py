@@ -38,7 +38,7 @@ def find(
     below = None if floor is None else floor - float(patch.origin[1])
     grid = tracked_grid(points)
     sizes = (grid.width, grid.thickness) if grid else (None, None)
-    face = FaceReader(uprights, beams, camera, below, sizes, fitted()).read()
+    face = FaceReader(uprights, beams, camera, below, fitted(), sizes).read()
     if face is None:
         raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
     if not any(face.sections):

@@ -127,7 +127,7 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
     if len(measured) < LEAST_PROFILES:
         return [beam for beam in beams if beam.attributes.get("height_sigma_m") != UNKNOWN_M]
     usual = [_usual_height(beam, measured) for beam in beams]
-    unmeasured = [_unmeasured(beam, min(UNMEASURED_M, size[1])) for beam, size in zip(beams, usual, strict=True)]
+    unmeasured = [_worse_than(beam, size[1]) for beam, size in zip(beams, usual, strict=True)]
     return [
         _as_high(beam, *size, edges) if any(edges) else beam
         for beam, size, edges in zip(beams, usual, unmeasured, strict=True)
@@ -156,11 +156,16 @@ def _unmeasured(beam: Structure, limit_m: float = UNMEASURED_M) -> tuple[bool, b
     return bool(unsure[:2].all()), bool(unsure[2:].all())
 
 
+def _worse_than(beam: Structure, sigma: float) -> tuple[bool, bool]:
+    """Which of a beam's edges was measured nowhere, or less well than the other and the usual height tell it."""
+    worse = _unmeasured(beam, min(UNMEASURED_M, sigma))
+    return _unmeasured(beam) if all(worse) else worse
+
+
 def _as_high(beam: Structure, height: float, sigma: float, unmeasured: tuple[bool, bool]) -> Structure:
     """A beam of a height with a standard deviation, m, which was measured nowhere at one edge or at both."""
     if all(unmeasured):
-        unseen = all(_unmeasured(beam))
-        return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER}) if unseen else beam
+        return replace(beam, attributes={**beam.attributes, NOT_SEEN: NEITHER})
     vertices, covariances = beam.vertices.copy(), beam.covariances.copy()
     free, held = (slice(2), slice(2, None)) if unmeasured[0] else (slice(2, None), slice(2))
     vertices[free, 1] = vertices[held, 1] + (-height if unmeasured[0] else height)

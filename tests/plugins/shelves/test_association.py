@@ -9,9 +9,7 @@ from savmap.errors import StructureError
 from savmap.types import Feature, FrameTable, RowFacts, ViewSpec
 from savmap_shelves.association import track_structures
 
-FACTS = RowFacts(
-    "A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {"face": ViewSpec("face", 0.0)}, {"pass 1": 1}
-)
+FACTS = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {"face": ViewSpec("face", 0.0)}, {"pass 1": 1})
 
 
 def feature(label: str, part: str, instance: int, object: str, x: float, frame: int = 0) -> Feature:
