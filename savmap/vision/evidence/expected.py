@@ -69,21 +69,23 @@ def found_detections(
 ) -> list[Detection]:
     """The regions of a view in which a network sees what is found, their borders no further from its outline's than `BAND` of its lesser
     thickness: beyond it is something else, and what is hidden within it is filled."""
-    spec, shape = view.spec, segmentation.maps.shape[1:]
-    bands = [[outline_in(spec, world_from_rig, grown(thing.outline, by)) for by in (BAND, -BAND)] for thing in found]
     detections: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
         union, drawn = np.zeros_like(probability), list[tuple[float, NDArray[np.bool_]]]()
-        for thing, (outer, inner) in zip(found, bands, strict=True):
-            if thing.label != label or outer is None or inner is None:
+        for thing in (thing for thing in found if thing.label == label):
+            outer, inner = (_shown(view.spec, world_from_rig, grown(thing.outline, by)) for by in (BAND, -BAND))
+            part = _part_around(outer, probability.shape)
+            if part is None:
                 continue
-            around, within = _covered(outer, shape), _covered(inner, shape)
-            core = probability[within > HALF]
+            around, within = (_covered(band, part) for band in (outer, inner))
+            core = probability[part][within > HALF]
             usual = float(np.percentile(core, LIKELY_QUANTILE)) if len(core) >= USUAL.least_px else 0.0
             if usual > USUAL.faintest:
-                raised = np.minimum(np.maximum(np.minimum(probability / usual / 2, 1.0), within), around)
-                drawn.append((float(core.mean(dtype=np.float64)), raised >= HALF))
-                np.maximum(union, raised, out=union)
+                raised = np.minimum(np.maximum(np.minimum(probability[part] / usual / 2, 1.0), within), around)
+                mask = np.zeros(probability.shape, np.bool_)
+                mask[part] = raised >= HALF
+                drawn.append((float(core.mean(dtype=np.float64)), mask))
+                np.maximum(union[part], raised, out=union[part])
         detections += [Detection(label, score, mask, union) for score, mask in drawn]
     return detections
 
@@ -95,11 +97,28 @@ def grown(outline: Floats, share: float) -> Floats:
     return np.asarray(outline + 2 * share * (centred @ across)[:, None] * across)
 
 
-def _covered(outline: Floats, shape: tuple[int, ...]) -> Singles:
-    """How much of each pixel an outline (n, 2) px covers."""
-    covered, shown = np.zeros(shape, np.uint8), within_picture(outline, shape)
-    if len(shown):
-        cv2.fillConvexPoly(covered, np.round(16 * shown).astype(np.int32), 255, cv2.LINE_AA, 4)
+def _shown(spec: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats:
+    """What a view shows (n, 2) px of an outline."""
+    pixels = outline_in(spec, world_from_rig, outline)
+    return within_picture(pixels, (spec.height, spec.width)) if pixels is not None else np.zeros((0, 2))
+
+
+def _part_around(outline: Floats, shape: tuple[int, ...]) -> tuple[slice, slice] | None:
+    """Rows and columns of a picture (height, width) around an outline (n, 2) px; None where they are none."""
+    if not len(outline):
+        return None
+    low = np.maximum(np.floor(outline.min(axis=0)).astype(int) - 1, 0).tolist()
+    high = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 2, shape[::-1]).tolist()
+    return (slice(low[1], high[1]), slice(low[0], high[0])) if low[0] < high[0] and low[1] < high[1] else None
+
+
+def _covered(outline: Floats, part: tuple[slice, slice]) -> Singles:
+    """How much of each pixel of a part of a picture an outline (n, 2) px covers."""
+    rows, columns = part
+    covered = np.zeros((rows.stop - rows.start, columns.stop - columns.start), np.uint8)
+    if len(outline):
+        corners = np.round(16 * (outline - [columns.start, rows.start])).astype(np.int32)
+        cv2.fillConvexPoly(covered, corners, 255, cv2.LINE_AA, 4)
     return np.asarray(covered, np.float32) / np.float32(255)
 
 
