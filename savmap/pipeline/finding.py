@@ -42,6 +42,8 @@ from savmap.vision.evidence import (
 from savmap.vision.strips import PanoramaStrip
 
 UPRIGHT = 0.99
+ASLANT_DEG = 71.6
+"""What is seen at a greater angle tells little of where it is: beyond three times the camera's distance along a plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ class Finder:
         for last in (False, True):
             measured = self._measured(measurements, path, points, last)
             try:
-                located = located_by(self.plugin, self.walked.request, measured)
+                located = located_by(self.plugin, self.walked.request, measured, path)
             except (SolveError, SiteError) as error:
                 raise StructureError(f"row {self.facts.name}: what is found cannot be solved: {error}") from error
             measurements, path, points = measured, located.path, located.points[self.plugin.name]
@@ -91,7 +93,7 @@ class Finder:
             walked, face = self.walked, self._faces[-1]
             tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
             measurements = replace(measurements, floor=tracks)
-        return Found(path, measurements)
+        return Found(path, replace(measurements, path=path))
 
     def found(self, found: Found, monitor: Monitor) -> Found:
         """With the objects of a plugin that needs to be told where the camera was."""
@@ -111,7 +113,8 @@ class Finder:
     def _measured(
         self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], exactly: bool
     ) -> RowMeasurements:
-        """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines."""
+        """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines, and
+        beside these the parts that only masks tell, such as where something ends."""
         gathered = partial(self._gather, path)
         objects = self.plugin.find(gathered, path, points, self.facts, None)
         mapped = [thing for thing in objects if thing.is_mapped]
@@ -119,7 +122,11 @@ class Finder:
         if floor is not None and any(thing.outline[:, 1].max() < floor.y for thing in mapped):
             objects = self.plugin.find(gathered, path, points, self.facts, floor.y)
             mapped = [thing for thing in objects if thing.is_mapped]
-        return self._with(measurements, objects, [*self._features(mapped, path, exactly)])
+        features = [*self._features(mapped, path, exactly)]
+        parts = {(feature.label, feature.part) for feature in features}
+        before = [feature for feature in measurements.features[self.plugin.name] if feature.object]
+        features += [feature for feature in before if (feature.label, feature.part) not in parts]
+        return self._with(measurements, objects, features)
 
     def _with(
         self, measurements: RowMeasurements, objects: list[FoundObject], features: list[Feature]
@@ -165,16 +172,25 @@ class Finder:
                 panorama = strip.panorama() if strip is not None else None
             if strip is None or panorama is None:
                 continue
-            spec = self.facts.views[packed_view.view]
-            outlines = outlines_in(spec, poses[packed_view.frame], objects)
+            spec, pose = self.facts.views[packed_view.view], poses[packed_view.frame]
+            facing = [thing for thing in objects if is_facing(thing, pose[:3, 3])]
+            outlines = outlines_in(spec, pose, facing)
             view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
             seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
             if exactly:
-                detections = found_detections(view, seen, poses[packed_view.frame], objects)
+                detections = found_detections(view, seen, pose, facing)
             else:
                 detections = expected_detections(view, seen, outlines)
             pixels = panorama if exactly else None
             yield from features_of(self.plugin.extract_features(view, detections, pixels), outlines)
+
+
+def is_facing(thing: FoundObject, camera: Floats) -> bool:
+    """Whether a camera (3,) sees some corner or the middle of an object's plane at less than `ASLANT_DEG` from straight on."""
+    middle = thing.outline.mean(axis=0)
+    normal = np.linalg.svd(thing.outline - middle, full_matrices=False)[2][2]
+    rays = np.vstack([thing.outline, middle]) - camera
+    return bool((np.abs(rays @ normal) > np.cos(np.radians(ASLANT_DEG)) * np.linalg.norm(rays, axis=1)).any())
 
 
 def uncertain_objects(found: Iterable[FoundObject], structures: Sequence[Structure]) -> tuple[FoundObject, ...]:

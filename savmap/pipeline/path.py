@@ -65,7 +65,9 @@ def attitudes_of(measurements: RowMeasurements) -> Floats:
     return attitudes(edges, measurements.facts.views, first)
 
 
-def located_by(plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasurements) -> graph.LocatedCamera:
+def located_by(
+    plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasurements, path: Trajectory
+) -> graph.LocatedCamera:
     """The camera's path and the landmarks by what was measured of one plugin. The scale of the path may be an assumed
     one: no reference is used, for what is measured does not depend on them. Raises StructureError, SolveError,
     SiteError."""
@@ -74,7 +76,7 @@ def located_by(plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasureme
     start, frames = first_poses(bare, measurements)
     with warnings_held_back():
         attitudes = start.world_from_rig[:, :3, :3]
-        tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, row.path)
+        tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, path)
         constraints = plugin.constrain(tracks, measurements.facts, row.path or start)
     return graph.locate_camera(graph.merge(frames, constraints, partial=True))
 

@@ -60,8 +60,8 @@ class RowMeasurements:
     """What was measured in a row's pictures: its facts, features by plugin, the first attitude of every pass that is
     known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
     `failed`: by plugin, how it failed, where the row is mapped without it. `warnings`: what of the footage speaks
-    against what was measured. `found`: by plugin, what all frames together show, in the unit of a path up to scale.
-    `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the
+    against what was measured. `found`: by plugin, what all frames together show, in the unit of `path`, which is up to
+    scale.    `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the
     decoder left out, as the notes say."""
 
     facts: RowFacts
@@ -74,6 +74,7 @@ class RowMeasurements:
     failed: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[MapWarning, ...] = ()
     found: Mapping[str, tuple[FoundObject, ...]] = field(default_factory=dict)
+    path: Trajectory | None = None
     depths: tuple[FlatDepth, ...] = ()
     floor: FloorTracks = field(default_factory=FloorTracks)
     skipped: int = 0

@@ -197,11 +197,12 @@ def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasureme
 
 
 def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None) -> list[Track]:
-    """One plugin's tracks. `path`: where the camera was, where that is known. Raises StructureError where it finds no
-    structure."""
+    """One plugin's tracks. `path`: where the camera was, where that is known; up to scale for what locates it. Raises
+    StructureError where it finds no structure."""
     require_path(row.request.name, plugin, path)
     features, attitudes = row.measurements.features[plugin.name], row.start.world_from_rig[:, :3, :3]
-    return plugin.track(features, row.measurements.facts, attitudes, path)
+    known = path or row.measurements.path if plugin.name in row.measurements.locators else path
+    return plugin.track(features, row.measurements.facts, attitudes, known)
 
 
 def constrain_plugin(

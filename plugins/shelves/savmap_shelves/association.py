@@ -6,28 +6,51 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.types import Feature, Floats, Place, RowFacts, Track
+from savmap.types import Feature, Floats, Place, RowFacts, Track, Trajectory
 
-ENDS = ("top", "bottom")
+ENDS, FOOT = ("top", "bottom"), " / foot"
+LEAST_SIGHTINGS, HIDDEN = 3, 0.03
+"""Of a foot, and by how much one that stands on the floor may seem higher than the lowest, as a share of the camera's distance."""
 Key = tuple[int, str, str]
 """Frame, view and object."""
 Point = tuple[Feature, int]
 """A feature and which of its pixels."""
 
 
-def track_structures(features: Sequence[Feature], facts: RowFacts) -> list[Track]:
-    """Tracks of both ends of uprights' edges, of beams' corners, and of uprights' feet. Raises StructureError where no beam was measured."""
+def track_structures(features: Sequence[Feature], facts: RowFacts, path: Trajectory | None) -> list[Track]:
+    """Tracks of both ends of uprights' edges, of beams' corners, and of uprights' feet that stand on the floor, by a path up to scale.
+
+    Raises StructureError where no beam was measured.
+    """
     points: dict[str, list[Point]] = defaultdict(list)
     objects = {(f.frame, f.view, f.label, f.instance): f.object for f in features}
     for feature in _best(features):
         for name, number in _parts(feature, objects):
             points[name].append((feature, number))
-    tracks = [_track(name, own) for name, own in sorted(points.items())]
+    standing = _standing({name: own for name, own in points.items() if name.endswith(FOOT)}, facts, path)
+    tracks = [_track(name, own) for name, own in sorted(points.items()) if not name.endswith(FOOT) or name in standing]
     if not any(track.label == "beam" for track in tracks):
         raise StructureError(
             f"row {facts.name}: no beam that meets an upright was measured in any of {len(facts.frames)} frames"
         )
     return tracks
+
+
+def _standing(feet: Mapping[str, Sequence[Point]], facts: RowFacts, path: Trajectory | None) -> set[str]:
+    """The feet that are about as low as the lowest: guards and goods hide others, and none is below the floor."""
+    if path is None:
+        return set()
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    heights: dict[str, list[float]] = defaultdict(list)
+    for name, points in feet.items():
+        for feature, _ in points:
+            pose = poses.get(feature.frame)
+            if pose is not None:
+                ray = pose[:3, :3] @ facts.views[feature.view].rig_rays(feature.pixels[0])
+                if ray[2] < 0:
+                    heights[name].append(float((pose[1, 3] - pose[2, 3] * ray[1] / ray[2]) / pose[2, 3]))
+    usual = {name: float(np.median(values)) for name, values in heights.items() if len(values) >= LEAST_SIGHTINGS}
+    return {name for name, height in usual.items() if height < min(usual.values()) + HIDDEN}
 
 
 def _best(features: Sequence[Feature]) -> list[Feature]:

@@ -102,10 +102,10 @@ class Shelves:
         return find(gather, path, points, facts, floor)
 
     @hookimpl
-    def track(self, features: Sequence[Feature], facts: RowFacts) -> list[Track]:
+    def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
         from savmap_shelves.association import track_structures
 
-        return track_structures(features, facts)
+        return track_structures(features, facts, start)
 
     @hookimpl
     def planes(self, points: Mapping[str, Floats]) -> list[PlanePatch]:

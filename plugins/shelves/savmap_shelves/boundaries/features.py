@@ -74,8 +74,8 @@ def extract_features(
 ) -> list[Feature]:
     """The edges of uprights and beams of one view, and the beams' corners at the uprights.
 
-    Per upright: edges "left" and "right", extended to the frame's borders, top end first, and a point "foot" where its mask
-    ends inside the frame. Per beam of a bay: edges "upper" and "lower", extended to the next uprights, left end
+    Per upright: edges "left" and "right", extended to the frame's borders, top end first, and, of masks, a point "foot" where it ends
+    inside the frame. Per beam of a bay: edges "upper" and "lower", extended to the next uprights, left end
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
@@ -90,7 +90,8 @@ def extract_features(
         kept = np.flatnonzero(separators.kept)
         uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
         separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
-    return [*upright_edges(extraction, separators), *beam_features(extraction, beams, separators)]
+    feet = _feet(extraction, separators.strips[separators.kept]) if panorama is None else ()
+    return [*upright_edges(extraction, separators), *feet, *beam_features(extraction, beams, separators)]
 
 
 def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
@@ -177,7 +178,6 @@ def upright_edges(extraction: Extraction, separators: Separators) -> Iterator[Fe
         for index in range(len(strips)):
             name, score = ("upright", part, index), float(strips.score[index])
             yield extraction.feature(name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score)
-    yield from _feet(extraction, strips)
 
 
 def _feet(extraction: Extraction, strips: Strips) -> Iterator[Feature]:
