@@ -42,8 +42,8 @@ from savmap.vision.evidence import (
 from savmap.vision.strips import PanoramaStrip
 
 UPRIGHT = 0.99
-ASLANT_DEG = 71.6
-"""What is seen at a greater angle tells little of where it is: beyond three times the camera's distance along a plane."""
+REACH = 3.0
+"""What is further ahead or behind, in distances from its plane, is seen too far aslant to be measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +162,8 @@ class Finder:
     def _features(self, objects: list[FoundObject], path: Trajectory, exactly: bool) -> Iterator[Feature]:
         """What is measured of objects in all frames whose pose is known."""
         poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+        places = path.world_from_rig[:, :3, 3]
+        along = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
         series, strip = strips_of(self.walked.request.name), None
         panorama: Panorama | None = None
         for packed_view in self.packed_views:
@@ -173,24 +175,25 @@ class Finder:
             if strip is None or panorama is None:
                 continue
             spec, pose = self.facts.views[packed_view.view], poses[packed_view.frame]
-            facing = [thing for thing in objects if is_facing(thing, pose[:3, 3])]
-            outlines = outlines_in(spec, pose, facing)
+            near = [thing for thing in objects if is_near(thing, pose[:3, 3], along)]
+            outlines = outlines_in(spec, pose, near)
             view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
             seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
             if exactly:
-                detections = found_detections(view, seen, pose, facing)
+                detections = found_detections(view, seen, pose, near)
             else:
                 detections = expected_detections(view, seen, outlines)
             pixels = panorama if exactly else None
             yield from features_of(self.plugin.extract_features(view, detections, pixels), outlines)
 
 
-def is_facing(thing: FoundObject, camera: Floats) -> bool:
-    """Whether a camera (3,) sees some corner or the middle of an object's plane at less than `ASLANT_DEG` from straight on."""
+def is_near(thing: FoundObject, camera: Floats, along: Floats) -> bool:
+    """Whether a camera (3,) that goes along a direction (3,) is before some corner or the middle of an object, but for `REACH` of its
+    distance from the object's plane."""
     middle = thing.outline.mean(axis=0)
     normal = np.linalg.svd(thing.outline - middle, full_matrices=False)[2][2]
     rays = np.vstack([thing.outline, middle]) - camera
-    return bool((np.abs(rays @ normal) > np.cos(np.radians(ASLANT_DEG)) * np.linalg.norm(rays, axis=1)).any())
+    return bool((np.abs(rays @ along) < REACH * np.abs(rays @ normal)).any())
 
 
 def uncertain_objects(found: Iterable[FoundObject], structures: Sequence[Structure]) -> tuple[FoundObject, ...]:

@@ -96,11 +96,14 @@ def _beyond_ends(row: DescribedRow) -> frozenset[str]:
 
 
 def _uncertain_objects(objects: Sequence[FoundObject]) -> Iterator[MapWarning]:
-    """A warning about each object that was found, and was not mapped for want of certainty."""
+    """A warning about each object that was found, and was not mapped: for want of certainty, or because no frame
+    measured it."""
     for item in objects:
-        if SURE < item.probability < 1 - SURE:
-            x, y, z = item.outline.mean(axis=0).tolist()
-            line = f"not mapped: a {item.label} at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
+        x, y, z = item.outline.mean(axis=0).tolist()
+        line = f"not mapped: a {item.label} at x {x:.2f}, y {y:.2f}, z {z:.2f} m"
+        if item.is_mapped:
+            yield MapWarning("uncertain-element", (item.id,), "found, but not measured", (x, y, z), details=(line,))
+        elif item.probability > SURE:
             yield _unsure(item.id, item.probability, (x, y, z), line)
 
 
