@@ -5,8 +5,8 @@ What is not in a picture is not redone here: masks become strips, and from there
 those of `boundaries/`.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,13 @@ class Truth:
     label: str
     section: int
     level: int = -1
+
+    @property
+    def object(self) -> str:
+        """Its id in the map."""
+        if self.label == "upright":
+            return f"upright {self.section + 1}"
+        return f"bay {self.section + 1} / beam {self.level + 1}"
 
 
 def strips(built: Built, row: str) -> list[Strip]:
@@ -76,19 +83,39 @@ def observe(
 def observed_features(
     edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX, settings: BoundarySettings | None = None
 ) -> list[Feature]:
-    """The features of one frame; `sigma_px` is what an edge's end is taken to be off by."""
+    """The features of one frame, each with the object that it is of, empty for an outlier's; `sigma_px` is what an edge's end is taken to
+    be off by."""
     if not edges:
         return []
     number = edges[0].frame
     settings = settings or BoundarySettings()
     frame = Extraction(_blank(spec, number), settings, settings.least_sigma_px)
-    separators = sorted_separators(frame, longest_only(_strips(edges, "upright", sigma_px)), spec.height)
-    beams = _strips(edges, "beam", sigma_px)
-    beams = _in_cells(beams, separators)
-    return [
-        *upright_edges(frame, separators),
-        *beam_features(frame, sorted_beams(frame, longest_only(beams), separators), separators),
-    ]
+    standing, lying = _strips(edges, "upright", sigma_px), _strips(edges, "beam", sigma_px)
+    separators = sorted_separators(frame, longest_only(standing), spec.height)
+    beams = sorted_beams(frame, longest_only(_in_cells(lying, separators)), separators)
+    objects = {
+        "upright": _objects(separators.strips[separators.kept], standing, _truths(edges, "upright")),
+        "beam": _objects(beams, lying, _truths(edges, "beam")),
+    }
+    features = [*upright_edges(frame, separators), *beam_features(frame, beams, separators)]
+    return [replace(feature, object=objects[feature.label][feature.instance]) for feature in features]
+
+
+def _truths(edges: Sequence[ObservedEdge], label: str) -> list[str]:
+    """The object of each mask of a class, in the order of `_strips`."""
+    truths: Mapping[int, object] = {edge.instance: edge.truth for edge in edges if edge.label == label}
+    return [truth.object if isinstance(truth, Truth) else "" for truth in truths.values()]
+
+
+def _objects(kept: Strips, masks: Strips, objects: Sequence[str]) -> list[str]:
+    """The objects of the strips that are left of all masks."""
+    known = dict(zip(_middles(masks), objects, strict=True))
+    return [known[middles] for middles in _middles(kept)]
+
+
+def _middles(strips: Strips) -> list[tuple[float, float]]:
+    """Where the middles of a mask's edges are, which no rule moves."""
+    return list(zip(strips.upper.offset.tolist(), strips.lower.offset.tolist(), strict=True))
 
 
 def _blank(spec: ViewSpec, number: int) -> View:

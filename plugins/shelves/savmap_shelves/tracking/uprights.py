@@ -54,6 +54,8 @@ def find_uprights(
     for _ in range(20):
         which = nearest(centre, centres, reach)
         which = cheapest_in_group(group, which, np.abs(centre - np.append(centres, np.nan)[which]))
+        if not len(centres):
+            break
         support, sized, count = _support(sightings, centres, which, states, frames)
         width = medians(np.diff(x, axis=1)[:, 0], which, len(centres))
         clash = _clash(centres, width, 2 * reach, group, which)
