@@ -24,16 +24,16 @@ from savmap.lab.sim.drive.cart import Drive, drive
 from savmap.lab.sim.observations import MaskErrors
 from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import parse_scene
-from savmap.pipeline.path import attitudes_of, initial_path
+from savmap.pipeline.path import initial_path
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.types import FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
 from savmap.vision.markers import MarkerTracks
+from savmap_shelves.association import track_structures
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.constrain import BiasSettings
 from savmap_shelves.lab.observed import observe, observed_features
 from savmap_shelves.mapping import describe
 from savmap_shelves.report.evaluation import evaluate
-from savmap_shelves.tracking import track_structures
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)
 """640x480 and 150 degrees (paper, section IV.A): 1.75 cm a pixel at 1.5 m."""
@@ -169,10 +169,8 @@ def start_of(driven: DrivenRow, known: Given) -> Trajectory:
 
 
 def tracked(driven: DrivenRow) -> list[Track]:
-    """The plugin's tracks."""
-    return track_structures(
-        driven.measurements.features["shelves"], driven.measurements.facts, attitudes=attitudes_of(driven.measurements)
-    )
+    """The plugin's tracks: there are no pictures to find objects in, so each feature has the one that it was made of."""
+    return track_structures(driven.measurements.features["shelves"], driven.measurements.facts)
 
 
 def mapped(

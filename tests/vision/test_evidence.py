@@ -4,9 +4,27 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.types import Detection, Expected, Floats, PlanePatch, Trajectory, View, ViewSpec
-from savmap.vision.evidence import DetectionSettings, PackedView, expected_detections, gather, outlines_in
-from savmap.vision.evidence.expected import within_picture
+from savmap.types import (
+    Feature,
+    Floats,
+    FoundObject,
+    FrameTable,
+    PlanePatch,
+    RowFacts,
+    Trajectory,
+    View,
+    ViewSpec,
+)
+from savmap.vision.evidence import (
+    PackedView,
+    expected_detections,
+    features_of,
+    found_detections,
+    gather,
+    heights_shown,
+    outlines_in,
+)
+from savmap.vision.evidence.expected import BAND, grown, within_picture
 from savmap.vision.evidence.planes import outline_in
 from savmap.vision.networks.segmenter import Segmentation
 
@@ -39,6 +57,10 @@ def drawn(world_from_rig: Floats, outlines: list[Floats], probability: float) ->
 
 def post(x: float, z: float = 0.0) -> Floats:
     return np.array([[x - 0.05, 0.1, z], [x + 0.05, 0.1, z], [x + 0.05, 1.9, z], [x - 0.05, 1.9, z]])
+
+
+def a_post(outline: Floats, name: str = "post 1") -> FoundObject:
+    return FoundObject(name, "post", outline, 1.0)
 
 
 def packed_views_of(outlines: list[Floats], probability: float) -> tuple[list[PackedView], Trajectory]:
@@ -94,40 +116,19 @@ def test_the_plane_is_pictured() -> None:
     assert np.abs(seen.picture[seen.weight > 0].astype(int) - 90).max() <= 2
 
 
-def detected(probability: float, expected: list[Expected]) -> list[float]:
+def detected(probability: float, expected: list[FoundObject]) -> list[float]:
     """Middles of the regions found where posts are expected; the network sees one at 1 and one at 3."""
     image = np.zeros((SPEC.height, SPEC.width, 3), np.uint8)
     segmentation = drawn(pose(2.0), [post(1.0), post(3.0)], probability)
     view = View(SPEC, 0, 0.0, image)
-    found = expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), expected), DetectionSettings())
+    found = expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), expected))
     return [float(np.nonzero(detection.mask)[1].mean()) for detection in found]
 
 
 def test_a_faint_post_is_found_where_one_is_expected() -> None:
     centre = outline_in(SPEC, pose(2.0), post(1.0))
     assert centre is not None
-    assert detected(0.2, [Expected("post", post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
-
-
-def test_an_object_in_pieces_is_found_by_the_colours_of_those_that_are_seen() -> None:
-    """Two posts of one paint; the network sees one of them."""
-    image = np.full((SPEC.height, SPEC.width, 3), 60, np.uint8)
-    outlines = {x: outline_in(SPEC, pose(2.0), post(x)) for x in (1.0, 3.0)}
-    for outline in outlines.values():
-        assert outline is not None
-        cv2.fillPoly(image, [np.round(outline).astype(np.int32)], (200, 120, 30))
-    segmentation, view = drawn(pose(2.0), [post(3.0)], 0.9), View(SPEC, 0, 0.0, image)
-    hidden = Expected("post", post(1.0), in_pieces=True)
-
-    def found_at(thing: Expected) -> list[Detection]:
-        return expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), [thing]), DetectionSettings())
-
-    (found,) = found_at(hidden)
-    middle = outlines[1.0]
-    assert middle is not None
-    assert np.nonzero(found.mask)[1].mean() == pytest.approx(middle[:, 0].mean(), abs=1.0)
-    assert found_at(Expected("post", post(1.0))) == []
-    assert found_at(Expected("post", post(2.0), in_pieces=True)) == []
+    assert detected(0.2, [a_post(post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
 
 
 def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
@@ -158,18 +159,18 @@ def test_a_post_that_leans_far_beyond_the_picture_is_found() -> None:
     cv2.fillPoly(maps[1], [np.round(shown).astype(np.int32)], 0.9)
     maps[0] = 1 - maps[1]
     view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
-    outlines = outlines_in(SPEC, lean, [Expected("post", tall)])
-    found = expected_detections(view, Segmentation(("post",), maps), outlines, DetectionSettings())
+    outlines = outlines_in(SPEC, lean, [a_post(tall)])
+    found = expected_detections(view, Segmentation(("post",), maps), outlines)
     assert sum(int(detection.mask.sum()) for detection in found) == (maps[1] > 0).sum()
 
 
 def test_what_is_not_expected_is_passed_over() -> None:
-    assert len(detected(0.9, [Expected("post", post(3.0))])) == 1
-    assert detected(0.9, [Expected("post", post(2.0))]) == []
+    assert len(detected(0.9, [a_post(post(3.0))])) == 1
+    assert detected(0.9, [a_post(post(2.0))]) == []
 
 
 def test_nothing_is_made_up_where_nothing_is_seen() -> None:
-    assert detected(0.05, [Expected("post", post(1.0)), Expected("post", post(3.0))]) == []
+    assert detected(0.05, [a_post(post(1.0)), a_post(post(3.0))]) == []
 
 
 def test_an_outline_behind_the_camera_is_nowhere() -> None:
@@ -182,3 +183,84 @@ def test_an_outline_is_cut_at_the_camera() -> None:
     pixels = outline_in(SPEC, pose(0.5), floor)
     assert pixels is not None
     assert np.isfinite(pixels).all()
+
+
+def shown_at(outlines: list[Floats], probability: float, found: list[FoundObject]) -> list[Floats]:
+    """The columns (first, last + 1) and rows of what is detected of found objects where the network sees these outlines."""
+    view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
+    detections = found_detections(view, drawn(pose(2.0), outlines, probability), pose(2.0), found)
+    boxes = []
+    for detection in detections:
+        rows, columns = np.nonzero(detection.mask)
+        boxes.append(np.array([columns.min(), columns.max() + 1, rows.min(), rows.max() + 1], np.float64))
+    return boxes
+
+
+def pixels_of(outline: Floats) -> Floats:
+    pixels = outline_in(SPEC, pose(2.0), outline)
+    assert pixels is not None
+    return np.array([pixels[:, 0].min(), pixels[:, 0].max(), pixels[:, 1].min(), pixels[:, 1].max()])
+
+
+def wide(low: float, high: float, bottom: float = 0.2, top: float = 1.8) -> Floats:
+    return np.array([[low, bottom, 0.0], [high, bottom, 0.0], [high, top, 0.0], [low, top, 0.0]])
+
+
+def test_an_outline_grows_across_its_lesser_thickness() -> None:
+    lying = np.array([[0.0, 1.0, 0.5], [2.0, 1.0, 0.5], [2.0, 1.1, 0.5], [0.0, 1.1, 0.5]])
+    expected = lying + np.array([0, 0.1 * BAND, 0]) * np.array([-1, -1, 1, 1])[:, None]
+    assert grown(lying, BAND) == pytest.approx(expected)
+    assert grown(post(1.0), -BAND)[:, 0] == pytest.approx(1.0 + 0.05 * (1 - 2 * BAND) * np.array([-1, 1, 1, -1]))
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected"),
+    [
+        (wide(1.6, 2.4), (1.6, 2.4)),
+        (wide(1.55, 2.46), (1.55, 2.46)),
+        (wide(1.6, 3.2), (1.6, 2.4 + 0.8 * BAND)),
+        (wide(1.6, 2.1), (1.6, 2.4 - 0.8 * BAND)),
+    ],
+    ids=["as found", "a bit off", "something adjoins", "a part is hidden"],
+)
+def test_borders_of_what_is_found_are_measured_within_a_band(seen: Floats, expected: tuple[float, float]) -> None:
+    for probability in (0.9, 0.3):
+        (box,) = shown_at([seen], probability, [a_post(wide(1.6, 2.4))])
+        assert box == pytest.approx(pixels_of(wide(*expected)), abs=2.0)
+
+
+def test_what_is_not_seen_or_not_found_is_not_detected() -> None:
+    assert shown_at([wide(1.6, 2.4)], 0.9, []) == []
+    assert shown_at([wide(1.6, 2.4)], 0.9, [a_post(wide(3.0, 3.6))]) == []
+    assert shown_at([wide(1.6, 2.4)], 0.05, [a_post(wide(1.6, 2.4))]) == []
+    assert shown_at([wide(1.6, 2.4)], 0.9, [a_post(wide(1.6, 2.4) + np.array([0, 0, 5.0]))]) == []
+
+
+def test_features_are_of_the_object_that_their_instance_lies_in() -> None:
+    def edge(number: int, x: float, label: str = "post") -> Feature:
+        pixels = outline_in(SPEC, pose(2.0), post(x))
+        assert pixels is not None
+        return Feature(0, "face", label, "left", number, pixels[[0, 3]], np.tile(np.eye(2), (2, 1, 1)))
+
+    outlines = outlines_in(SPEC, pose(2.0), [a_post(post(1.0)), a_post(post(3.0), "post 2")])
+    features = [edge(0, 2.99), edge(1, 1.0), edge(1, 1.02), edge(2, 2.0), edge(3, 1.0, "other")]
+    assert [f.object for f in features_of(features, outlines)] == ["post 2", "post 1", "post 1", "", ""]
+
+
+def test_the_heights_of_the_face_that_views_show() -> None:
+    """A view ahead shows 2 m * tan(v / 2) above and below the camera; one that looks up shows more above, and one along the aisle nothing."""
+    path = Trajectory(np.arange(2), np.stack([pose(0.0), pose(1.0)]))
+    ahead = ViewSpec("pass 1 / ahead", 0.0, hfov_deg=100.0, width=320, height=240)
+    up = ViewSpec("pass 1 / up", 0.0, pitch_deg=40.0, hfov_deg=100.0, width=320, height=240)
+    along = ViewSpec("pass 1 / along", 90.0, hfov_deg=100.0, width=320, height=240)
+    other = ViewSpec("pass 2 / up", 0.0, pitch_deg=40.0, hfov_deg=100.0, width=320, height=240)
+
+    def shown(*views: ViewSpec) -> tuple[float, float]:
+        frames = FrameTable(np.arange(2.0), ("pass 1",) * 2)
+        return heights_shown(path, RowFacts("A", frames, {view.name: view for view in views}, {"pass 1": 1, "pass 2": 1}))
+
+    reach = 2.0 * np.tan(np.radians(50.0)) * 239 / 320
+    assert shown(ahead, along, other) == pytest.approx((1.0 - reach, 1.0 + reach), abs=0.02)
+    low, high = shown(ahead, up)
+    assert low == pytest.approx(1.0 - reach, abs=0.02)
+    assert 4.0 < high <= 1.0 + 9 * 2.0

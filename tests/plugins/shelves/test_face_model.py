@@ -14,7 +14,7 @@ from savmap_shelves.likelihood import fitted
 from savmap_shelves.paint import paint_ratios
 
 CAMERA = HEIGHT, DISTANCE
-UNSURE = 0.18
+UNSURE = 0.27
 """The mean score of a beam that may be one or not."""
 
 
@@ -102,7 +102,7 @@ def test_no_beam_lies_below_the_floor() -> None:
 
 def test_paint_tells_a_faint_beam_from_what_is_coloured_otherwise() -> None:
     def face(colour: tuple[int, int, int]) -> PaintedFace:
-        painted = without((1, 1)).draw("beam", (3.4, 6.0), LEVELS[1], UNSURE, colour)
+        painted = without((1, 1)).draw("beam", (3.4, 6.0), LEVELS[1], 0.18, colour)
         for bay, (left, right) in enumerate(pairwise(POSTS)):
             for number, level in enumerate(LEVELS):
                 if (bay, number) != (1, 1):

@@ -55,6 +55,25 @@ def test_exact_masks_give_exact_corners(row: tuple[Built, Drive]) -> None:
     assert found >= 6
 
 
+def test_features_have_the_object_that_they_are_of(row: tuple[Built, Drive]) -> None:
+    built, path = row
+    edges_of = {strip.truth.object: strip.edges for strip in strips(built, "A") if isinstance(strip.truth, Truth)}
+    assert [*edges_of] == [
+        *(f"upright {n}" for n in range(1, 4)),
+        *(f"bay {bay} / beam {n}" for bay in (1, 2) for n in (1, 2, 3)),
+    ]
+    found = set[str]()
+    for index, edges in enumerate(seen(row, MaskErrors(0.5, missed=0.1, duplicated=0.3, outliers=0.3))):
+        turn = path.world_from_rig[index] @ VIEW.rig_from_view
+        for feature in corners(observed_features(edges, VIEW)):
+            if feature.object:
+                corner = edges_of[feature.object][int("upper" in feature.part), int("right" in feature.part)]
+                pixel = project((corner - path.origins[index]) @ turn, VIEW.camera)
+                assert abs(feature.pixels[0, 1] - pixel[1]) < 5.0
+            found.add(feature.object)
+    assert found == {"", *(name for name in edges_of if "beam" in name)}
+
+
 def test_duplicates_and_short_uprights_are_left_out(row: tuple[Built, Drive]) -> None:
     clean = sum(len(observed_features(edges, VIEW)) for edges in seen(row, MaskErrors(0.0)))
     doubled = sum(len(observed_features(edges, VIEW)) for edges in seen(row, MaskErrors(0.0, duplicated=1.0)))
