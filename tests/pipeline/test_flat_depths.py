@@ -1,24 +1,17 @@
 """How deep flat parts lie, on its way from the pictures to the solve."""
 
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from savmap.pipeline.second_look import PluginAlone, depths_of
 
-from savmap.errors import SolveError
-from savmap.files.journal import Journal
-from savmap.graph import LocatedCamera, References, camera_priors
-from savmap.pipeline import second_look
-from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow, WalkedRow
+from savmap.graph import References, camera_priors
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
-from savmap.types import FlatDepth, FlatParts, PlanePatch
+from savmap.types import FlatDepth
 from savmap.types.progress import NoteCollector, SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
 from ..graph import made_up_wall as made
-from ..plugin.made_up_plugin import loaded
 
 CORNER = made.NAMES[0]
 TRUE_M = float(made.CORNERS[0, 2])
@@ -65,48 +58,3 @@ def test_a_depth_that_cannot_be_is_left_out_and_told() -> None:
 def test_without_scale_the_solve_tells_what_is_missing() -> None:
     row, _ = tracked((depth(TRUE_M / 2.5),), known=False, references=made.references())
     assert row.figures == {}
-
-
-FLAT = FlatParts("thing 1", "z", (PlanePatch("front", np.zeros(3), *np.eye(3)[:2], np.ones(2), 0.1),))
-
-
-def watched(located: LocatedCamera | None, monkeypatch: pytest.MonkeyPatch) -> tuple[list[FlatDepth], list[Any]]:
-    """The depths of a plugin that was located so, and what the pictures were asked."""
-    asked: list[Any] = []
-
-    def told(*arguments: Any) -> FlatDepth | None:
-        asked.append(arguments)
-        return depth(-0.01, "made-up", "thing 1") if arguments[1] is FLAT else None
-
-    monkeypatch.setattr(second_look, "depth_of", told)
-    monkeypatch.setattr(PluginAlone, "located", lambda self, measurements: located)
-    other = replace(FLAT, axis="y", parts=())
-    plugin = loaded(flat_parts=lambda self, points: [FLAT, other])
-    seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
-    request = RowRequest("A", (), [plugin], References())
-    measured = WalkedRow(request, seen, plugins=[plugin], packed_views={"made-up": ()}, journal=Journal())
-    alone = PluginAlone(request, plugin)
-    return list(depths_of(alone, measured, seen)), asked
-
-
-def test_a_plugin_is_asked_once_it_is_located(monkeypatch: pytest.MonkeyPatch) -> None:
-    located = LocatedCamera(made.path(), (), {"made-up": {"thing 1": np.zeros(3)}})
-    depths, asked = watched(located, monkeypatch)
-    assert [one.landmark for one in depths] == ["thing 1"]
-    assert [arguments[0] for arguments in asked] == ["made-up", "made-up"]
-    assert watched(None, monkeypatch) == ([], [])
-
-
-def test_what_cannot_be_located_is_worked_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    tries = list[int]()
-
-    def fails(*arguments: object) -> None:
-        tries.append(1)
-        raise SolveError("no")
-
-    monkeypatch.setattr("savmap.pipeline.path.first_poses", fails)
-    seen = RowMeasurements(made.FACTS, {"made-up": []}, {}, frozenset({"made-up"}), (), MarkerTracks((), {}))
-    alone = PluginAlone(RowRequest("A", (), [loaded()], References()), loaded())
-    assert alone.located(seen) is None
-    assert alone.located(seen) is None
-    assert len(tries) == 1
