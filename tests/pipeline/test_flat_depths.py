@@ -1,6 +1,5 @@
 """How deep flat parts lie, on its way from the pictures to the solve."""
 
-
 import numpy as np
 import pytest
 

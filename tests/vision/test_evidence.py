@@ -257,7 +257,9 @@ def test_the_heights_of_the_face_that_views_show() -> None:
 
     def shown(*views: ViewSpec) -> tuple[float, float]:
         frames = FrameTable(np.arange(2.0), ("pass 1",) * 2)
-        return heights_shown(path, RowFacts("A", frames, {view.name: view for view in views}, {"pass 1": 1, "pass 2": 1}))
+        return heights_shown(
+            path, RowFacts("A", frames, {view.name: view for view in views}, {"pass 1": 1, "pass 2": 1})
+        )
 
     reach = 2.0 * np.tan(np.radians(50.0)) * 239 / 320
     assert shown(ahead, along, other) == pytest.approx((1.0 - reach, 1.0 + reach), abs=0.02)

@@ -45,7 +45,9 @@ def driven(start: tuple[float, float], end: tuple[float, float], seed: int, sect
     edges = observe(build(scene), "A", path, view, PAPER, seed)
     features = [replace(f, object="") for frame in edges for f in observed_features(frame, view)]
     count = len(path.stamps_s)
-    facts = RowFacts("A", FrameTable(path.stamps_s, ("pass 1",) * count), {view.name: view}, {"pass 1": -1 if back else 1})
+    facts = RowFacts(
+        "A", FrameTable(path.stamps_s, ("pass 1",) * count), {view.name: view}, {"pass 1": -1 if back else 1}
+    )
     return features, facts, path.world_from_rig, path.origins
 
 
@@ -80,7 +82,10 @@ def joined(first: Row, second: Row) -> Row:
     stamps = np.concatenate([first[1].frames.stamps_s, second[1].frames.stamps_s])
     frames = FrameTable(stamps, ("pass 1",) * count + ("pass 2",) * len(second[3]))
     facts = RowFacts(
-        "A", frames, {**first[1].views, **second[1].views}, {"pass 1": first[1].travel["pass 1"], "pass 2": second[1].travel["pass 1"]}
+        "A",
+        frames,
+        {**first[1].views, **second[1].views},
+        {"pass 1": first[1].travel["pass 1"], "pass 2": second[1].travel["pass 1"]},
     )
     return features, facts, np.concatenate([first[2], second[2]]), np.concatenate([first[3], second[3]])
 
@@ -115,7 +120,7 @@ def frames_of(features: Sequence[Feature], frames: set[int]) -> list[Feature]:
 
 
 def test_what_does_not_show_a_row_is_refused(row: Row) -> None:
-    features, facts, attitudes, places = row
+    features, facts, attitudes, _ = row
     with pytest.raises(StructureError, match="no upright was found in any of 60 frames"):
         locate([], facts, attitudes)
     with pytest.raises(StructureError, match="2 frames only"):

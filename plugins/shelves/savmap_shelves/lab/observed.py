@@ -83,8 +83,8 @@ def observe(
 def observed_features(
     edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX, settings: BoundarySettings | None = None
 ) -> list[Feature]:
-    """The features of one frame, each with the object that it is of, empty for an outlier's; `sigma_px` is what an edge's end is taken to
-    be off by."""
+    """The features of one frame, each with the object that it is of, empty for an outlier's; `sigma_px` is what an
+    edge's end is taken to be off by."""
     if not edges:
         return []
     number = edges[0].frame
@@ -109,8 +109,8 @@ def _truths(edges: Sequence[ObservedEdge], label: str) -> list[str]:
 
 def _objects(kept: Strips, masks: Strips, objects: Sequence[str]) -> list[str]:
     """The objects of the strips that are left of all masks."""
-    known = dict(zip(_middles(masks), objects, strict=True))
-    return [known[middles] for middles in _middles(kept)]
+    object_at = dict(zip(_middles(masks), objects, strict=True))
+    return [object_at[middles] for middles in _middles(kept)]
 
 
 def _middles(strips: Strips) -> list[tuple[float, float]]:
