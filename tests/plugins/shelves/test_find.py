@@ -54,7 +54,7 @@ def test_objects_have_the_ids_of_their_structures_and_outlines_in_the_rows_frame
 def test_what_may_exist_is_named_by_its_place_and_not_mapped() -> None:
     def paint(patch: PlanePatch) -> PaintedFace:
         face = PaintedFace(patch=patch, sections=(LEVELS, LEVELS[::2], LEVELS))
-        return face.draw("beam", (3.4, 6.0), LEVELS[1], 0.13)
+        return face.draw("beam", (3.4, 6.0), LEVELS[1], 0.25)
 
     objects = found(paint)
     unsure = objects["bay 2 / above beam 1, 1"]
