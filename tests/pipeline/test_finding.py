@@ -14,7 +14,7 @@ from savmap.errors import SolveError, StructureError
 from savmap.files.journal import Journal
 from savmap.graph import References
 from savmap.pipeline import finding
-from savmap.pipeline.finding import find_structures, uncertain_objects
+from savmap.pipeline.finding import find_structures, is_facing, uncertain_objects
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
@@ -70,6 +70,7 @@ class Asked:
         self.floors: list[float | None] = []
         self.pixels: list[bool] = []
         self.located = 0
+        self.masks_tell = False
         asked = self
 
         def locate(self: object) -> Trajectory:
@@ -90,9 +91,11 @@ class Asked:
         ) -> list[Feature]:
             asked.pixels.append(panorama is not None)
             middles = [np.argwhere(detection.mask).mean(axis=0)[::-1] for detection in detections]
+            parts = ("centre",) if panorama is not None or not asked.masks_tell else ("centre", "end")
             return [
-                Feature(view.frame, view.spec.name, "light", "centre", number, middle[None], np.eye(2)[None])
+                Feature(view.frame, view.spec.name, "light", part, number, middle[None], np.eye(2)[None])
                 for number, middle in enumerate(middles)
+                for part in parts
             ]
 
         members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features, "locate": locate}
@@ -127,7 +130,7 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[RowMeasurements]:
     """Whatever was measured is solved to a path and a landmark; the floor is not seen."""
     asked: list[RowMeasurements] = []
 
-    def located(plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasurements) -> Any:
+    def located(plugin: LoadedPlugin, row: RowRequest, measurements: RowMeasurements, path: Trajectory) -> Any:
         asked.append(measurements)
         return SimpleNamespace(path=SOLVED, points={"one": POINTS})
 
@@ -150,8 +153,24 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
         (frame, f"light {number}") for frame in range(COUNT) for number in (1, 2)
     ]
     assert [thing.id for thing in measured.found["one"]] == ["light 1", "light 2"]
+    assert measured.path is SOLVED
     places = np.array([f.pixels[0, 0] for f in measured.features["one"] if f.object == "light 2"])
     assert places == pytest.approx(66.5, abs=1.0)
+
+
+def test_what_only_masks_tell_is_kept_from_the_first_round() -> None:
+    asked = Asked(lambda floor: [light(1, -0.8)])
+    asked.masks_tell = True
+    measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
+    parts = sorted((f.part, f.frame) for f in measured.features["one"])
+    assert parts == [(part, frame) for part in ("centre", "end") for frame in range(COUNT)]
+
+
+def test_what_is_seen_too_far_aslant_is_not_measured() -> None:
+    camera = np.array([0.0, 0.0, 2.0])
+    assert is_facing(light(1, 5.0), camera)
+    assert is_facing(light(1, 0.0), camera)
+    assert not is_facing(light(1, 6.5), camera)
 
 
 def test_an_earlier_maps_path_is_used_from_the_start() -> None:

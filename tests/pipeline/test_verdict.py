@@ -303,7 +303,7 @@ def test_nothing_is_warned_of_beyond_the_ends() -> None:
         row,
         request=replace(row.request, plugins=[*row.request.plugins, others]),
         structures={**row.structures, "lamps": tuple(lamps)},
-        measurements=replace(row.measurements, uncertain=tuple(found)),
+        uncertain=tuple(found),
     )
     warned = [warning.subjects for warning in judge(row)[1].warnings]
     assert warned == [("lamp 5",), ("lamp 1",), ("lamp 2",)]
