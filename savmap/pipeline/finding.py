@@ -1,8 +1,9 @@
-"""What all frames show together: objects on planes, found in their evidence, and measured in every frame at their places.
+"""What all frames show together: objects on planes, found in their evidence, and measured in every frame at their
+places.
 
-Once the camera's path is roughly known, the networks' scores of all frames add up on the planes that structures lie in. A plugin finds its
-objects there, each with the probability that it exists. Their edges are then measured in the strips that the drive kept of the frames, and
-the path is solved; a second round finds and measures with that path.
+Once the camera's path is roughly known, the networks' scores of all frames add up on the planes that structures lie in.
+A plugin finds its objects there, each with the probability that it exists. Their edges are then measured in the strips
+that the drive kept of the frames, and the path is solved; a second round finds and measures with that path.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,8 +56,8 @@ class Found:
 
 
 def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
-    """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate the camera come
-    first. Raises StructureError where one of these finds nothing."""
+    """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate
+    the camera come first. Raises StructureError where one of these finds nothing."""
     measurements = walked.measurements
     found = Found(walked.request.path, measurements)
     for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
@@ -77,7 +78,8 @@ class Finder:
 
     def located(self, found: Found) -> Found:
         """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
-        lie. The first round measures the edges of masks, the second those of the panoramas where the model says that they are."""
+        lie. The first round measures the edges of masks, the second those of the panoramas where the model says that
+        they are."""
         measurements, path = found.measurements, found.path or self._first_path(found.measurements)
         points: Mapping[str, Floats] = {}
         for last in (False, True):
@@ -188,8 +190,8 @@ class Finder:
 
 
 def is_near(thing: FoundObject, camera: Floats, along: Floats) -> bool:
-    """Whether a camera (3,) that goes along a direction (3,) is before some corner or the middle of an object, but for `REACH` of its
-    distance from the object's plane."""
+    """Whether a camera (3,) that goes along a direction (3,) is before some corner or the middle of an object, but for
+    `REACH` of its distance from the object's plane."""
     middle = thing.outline.mean(axis=0)
     normal = np.linalg.svd(thing.outline - middle, full_matrices=False)[2][2]
     rays = np.vstack([thing.outline, middle]) - camera

@@ -61,7 +61,7 @@ class RowMeasurements:
     known, the plugins that found the face and so locate the camera, the markers, and points that were followed.
     `failed`: by plugin, how it failed, where the row is mapped without it. `warnings`: what of the footage speaks
     against what was measured. `found`: by plugin, what all frames together show, in the unit of `path`, which is up to
-    scale.    `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the
+    scale. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many frames the
     decoder left out, as the notes say."""
 
     facts: RowFacts

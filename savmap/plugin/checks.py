@@ -105,14 +105,14 @@ def check_patches(patches: Sequence[PlanePatch]) -> None:
         require(patch.shape[0] * patch.shape[1] <= MOST_CELLS, f"{where}: more than {MOST_CELLS} cells")
 
 
-def check_found(found: Sequence[FoundObject], classes: Sequence[str]) -> None:
+def check_found(objects: Sequence[FoundObject], classes: Sequence[str]) -> None:
     """Objects of different ids, with outlines of three corners or more, finite, of the plugin's classes."""
-    _require_distinct((thing.id for thing in found), "found objects with the id")
-    for thing in found:
-        where = f"found object `{thing.id}`"
-        require(thing.label in classes, f"{where}: the plugin has no class `{thing.label}`")
-        require(len(thing.outline) >= 3, f"{where}: an outline has three corners or more")
-        require(_finite(thing.outline), f"{where}: a corner is not finite")
+    _require_distinct((item.id for item in objects), "found objects with the id")
+    for item in objects:
+        where = f"found object `{item.id}`"
+        require(item.label in classes, f"{where}: the plugin has no class `{item.label}`")
+        require(len(item.outline) >= 3, f"{where}: an outline has three corners or more")
+        require(_finite(item.outline), f"{where}: a corner is not finite")
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:

@@ -10,7 +10,8 @@ from savmap.types import Feature, Floats, Place, RowFacts, Track, Trajectory
 
 ENDS, FOOT = ("top", "bottom"), " / foot"
 LEAST_SIGHTINGS, HIDDEN = 3, 0.03
-"""Of a foot, and by how much one that stands on the floor may seem higher than the lowest, as a share of the camera's distance."""
+"""Of a foot, and by how much one that stands on the floor may seem higher than the lowest, as a share of the camera's
+distance."""
 Key = tuple[int, str, str]
 """Frame, view and object."""
 Point = tuple[Feature, int]
@@ -18,7 +19,8 @@ Point = tuple[Feature, int]
 
 
 def track_structures(features: Sequence[Feature], facts: RowFacts, path: Trajectory | None) -> list[Track]:
-    """Tracks of both ends of uprights' edges, of beams' corners, and of uprights' feet that stand on the floor, by a path up to scale.
+    """Tracks of both ends of uprights' edges, of beams' corners, and of uprights' feet that stand on the floor, by a
+    path up to scale.
 
     Raises StructureError where no beam was measured.
     """

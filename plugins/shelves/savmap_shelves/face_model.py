@@ -1,8 +1,9 @@
 """The face of a rack as one probabilistic model: posts along x, and beams up each section between two of them.
 
-Each is the best set of intervals on the evidence of all frames (savmap.vision.evidence.intervals). Priors tie members together: posts and
-beams are of few profiles, sections have levels in common, and a beam of the rear face, seen through an open bay, shows where the front one
-of the same level is, nearer to the camera's height by one ratio a row. Lengths are in cells, counted from the patch's lower left corner.
+Each is the best set of intervals on the evidence of all frames (savmap.vision.evidence.intervals). Priors tie members
+together: posts and beams are of few profiles, sections have levels in common, and a beam of the rear face, seen through
+an open bay, shows where the front one of the same level is, nearer to the camera's height by one ratio a row. Lengths
+are in cells, counted from the patch's lower left corner.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,7 +31,8 @@ LEAST_SHOWN = 0.01
 REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
 """Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
-"""Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that tells their borders."""
+"""Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that
+tells their borders."""
 THINNER = 0.85
 """Rear beams are thinner than this share of the usual thickness."""
 POSSIBLE = 0.01
@@ -48,8 +50,8 @@ class Member:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """Posts from the left, beams of each section between two of them from the bottom up, and what may exist beside these; how far up the
-    posts show; and the rear members' ratio, 0 where none show."""
+    """Posts from the left, beams of each section between two of them from the bottom up, and what may exist beside
+    these; how far up the posts show; and the rear members' ratio, 0 where none show."""
 
     posts: tuple[Member, ...]
     sections: tuple[tuple[Member, ...], ...]
@@ -61,10 +63,11 @@ class Face:
 
 @dataclass(frozen=True, eq=False)
 class FaceReader:
-    """Reads the face in the evidence of all frames on the uprights' plane and on the beams', which is a patch of the same cells.
+    """Reads the face in the evidence of all frames on the uprights' plane and on the beams', which is a patch of the
+    same cells.
 
-    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the lower side; sizes: the
-    posts' usual width and the beams' usual thickness; None where they are not known.
+    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the
+    lower side; sizes: the posts' usual width and the beams' usual thickness; None where they are not known.
     """
 
     uprights: PlaneEvidence
@@ -247,7 +250,8 @@ def rear_ratio(
 
 
 def _is_rear(middles: Floats, widths: Ints, images: Floats, section: Intervals, usual: float) -> Floats:
-    """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a beam's own place."""
+    """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a
+    beam's own place."""
     own = np.abs(_of_front(section, usual) - images) < usual
     at = (np.abs(middles[..., None] - images[~own]) < usual / 4).any(axis=-1)
     return np.asarray(at & (widths < THINNER * usual), np.float64)
@@ -266,9 +270,10 @@ def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]
 def measured_members(
     intervals: Sequence[Intervals], scores: Sequence[Floats], solved: float | None
 ) -> list[list[Floats]]:
-    """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells: where the score falls to
-    half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits its scores best: something hides one of its
-    borders or adjoins it. Scores are blurred; where the usual width was `solved`, in cells, all members become thinner by as much."""
+    """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells:
+    where the score falls to half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits
+    its scores best: something hides one of its borders or adjoins it. Scores are blurred; where the usual width was
+    `solved`, in cells, all members become thinner by as much."""
     usual = usual_width(intervals) or 1.0
     own = [
         [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
@@ -296,7 +301,8 @@ def profile_across(scores: Floats, low: int, high: int) -> Floats:
 
 
 def borders(scores: Floats, low: int, high: int) -> Floats:
-    """Where the scores (n, m) across a member fall to half of its greatest (2,), in cells from the first's lower side."""
+    """Where the scores (n, m) across a member fall to half of its greatest (2,), in cells from the first's lower
+    side."""
     profile = profile_across(scores, low, high)
     top = low + int(profile[low:high].argmax())
     half = profile[top] / 2
@@ -308,7 +314,8 @@ def borders(scores: Floats, low: int, high: int) -> Floats:
 
 
 def placed(scores: Floats, member: Floats, usual: float) -> Floats:
-    """The borders (2,) of a member of the usual width where it gathers most of the scores about a place that is known to half of its width."""
+    """The borders (2,) of a member of the usual width where it gathers most of the scores about a place that is known
+    to half of its width."""
     low, high = int(np.floor(member[0])), max(int(np.ceil(member[1])), int(np.floor(member[0])) + 1)
     profile = profile_across(scores, max(low, 0), min(high, len(scores)))
     summed = np.concatenate([[0.0], np.cumsum(profile - profile.max() / 2)])

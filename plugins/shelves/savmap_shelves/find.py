@@ -14,8 +14,8 @@ from savmap_shelves.face_model import Face, FaceReader, Member
 from savmap_shelves.likelihood import fitted
 
 CELL, BEYOND, ROOM = 0.0125, 1.3, 0.1
-"""The side of a cell, how far beyond the camera's path the face is read, and how far an upright's outline goes on at both ends, as shares of
-the camera's distance."""
+"""The side of a cell, how far beyond the camera's path the face is read, and how far an upright's outline goes on at
+both ends, as shares of the camera's distance."""
 LIKELY = 0.5
 """Members that are more likely than this are numbered and mapped."""
 
@@ -27,7 +27,8 @@ def find(
     facts: RowFacts,
     floor: float | None,
 ) -> list[FoundObject]:
-    """Uprights "upright 1" ... and beams "bay 1 / beam 1" ..., and what may exist beside them. Raises StructureError where no bay shows."""
+    """Uprights "upright 1" ... and beams "bay 1 / beam 1" ..., and what may exist beside them. Raises StructureError
+    where no bay shows."""
     places = path.world_from_rig[:, :3, 3]
     distance = float(np.median(places[:, 2]))
     patch = face_patch(path, facts)

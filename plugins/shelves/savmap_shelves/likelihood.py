@@ -17,12 +17,14 @@ FITTED = Path(__file__).parent / "model" / "face_model.json"
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """The model's parameters, fitted on training rows (`python -m savmap_shelves.lab.fit`). Lengths are shares of the camera's distance.
+    """The model's parameters, fitted on training rows (`python -m savmap_shelves.lab.fit`). Lengths are shares of the
+    camera's distance.
 
     scores: mean scores of a cell, rising; upright, beam: log-likelihood ratios of that class at these scores.
-    hidden, chances: shares of a member that goods may hide, and their probabilities. along, across: over what lengths pictures say the same. post, beam_rate: log rates of a
-    member at a place. shared: log ratio of a level that all other sections have to one that none has. profile: spread of the members'
-    thickness about the usual one. gap: least gap between two beams. rear: log ratio of a rear member to a front one where one shows.
+    hidden, chances: shares of a member that goods may hide, and their probabilities. along, across: over what lengths
+    pictures say the same. post, level: log rates of a member at a place. shared: log ratio of a level that all other
+    sections have to one that none has. profile: spread of the members' thickness about the usual one. gap: least gap
+    between two beams. rear: log ratio of a rear member to a front one where one shows.
     paint, paint_limit: weight of what paint says, and its greatest log ratio.
     """
 

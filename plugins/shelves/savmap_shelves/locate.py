@@ -1,7 +1,8 @@
 """The camera's path along a face, up to scale, by what single frames show of its uprights (paper, section III.D).
 
-Uprights stand so far apart that a drifting path does not confuse them. Their attitude comes from vanishing points, the motion from frame to
-frame from the shift of their edges, and a fit to the uprights alone takes the drift out; then only the rise from frame to frame is chained.
+Uprights stand so far apart that a drifting path does not confuse them. Their attitude comes from vanishing points, the
+motion from frame to frame from the shift of their edges, and a fit to the uprights alone takes the drift out; then only
+the rise from frame to frame is chained.
 """
 
 from collections.abc import Sequence
@@ -28,11 +29,11 @@ LEVEL_KERNEL = 0.02
 
 
 def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
-    """Poses of all frames before the face, z = 0, in the unit of the camera's distance from it. attitudes (n, 3, 3): world_from_rig to a few
-    degrees.
+    """Poses of all frames before the face, z = 0, in the unit of the camera's distance from it. attitudes (n, 3, 3):
+    world_from_rig to a few degrees.
 
-    Raises StructureError where the frames do not show a row: too few frames or uprights, hardly any motion, or passes with too few bays in
-    common.
+    Raises StructureError where the frames do not show a row: too few frames or uprights, hardly any motion, or passes
+    with too few bays in common.
     """
     collected = collect_sightings(features, facts)
     _require_sightings(collected, facts)
@@ -83,7 +84,7 @@ def _pass_grid(sightings: FaceSightings, states: Floats, frames: Ints, sizes: tu
         modes(heights[here & (bays == bay)[:, None, None]], LEVEL_KERNEL * sizes[0] / KERNEL)
         for bay in range(len(uprights.x) - 1)
     ]
-    numbers = np.repeat(np.arange(len(levels)), [len(own) for own in levels])
+    numbers = np.repeat(np.arange(len(levels)), [len(level) for level in levels])
     return PassGrid(uprights.x.mean(axis=1), numbers, np.concatenate([np.zeros(0), *levels]))
 
 

@@ -18,15 +18,15 @@ UNSEEN = 1e-7
 def paint_ratios(
     picture: NDArray[np.uint8], members: Sequence[Bools], groups: Sequence[Bools], limit: float
 ) -> list[Floats]:
-    """For each group of cells the log ratio (rows, columns), at most `limit`, of how often each cell's colour is among the members of the
-    other groups, and among all other cells of those; 0 where there are no others.
+    """For each group of cells the log ratio (rows, columns), at most `limit`, of how often each cell's colour is among
+    the members of the other groups, and among all other cells of those; 0 where there are no others.
 
-    picture (rows, columns, 3) RGB; members, groups: cells (rows, columns) of each group's members, and of the whole group.
+    picture (rows, columns, 3) RGB; members, groups: cells (rows, columns) of each group's members, and of all of it.
     """
     colours = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2LAB).astype(np.intp) // BIN
     cells = (colours[..., 0] * BINS + colours[..., 1]) * BINS + colours[..., 2]
-    inside = np.array([_counts(cells[own]) for own in members])
-    outside = np.array([_counts(cells[group & ~own]) for own, group in zip(members, groups, strict=True)])
+    inside = np.array([_counts(cells[member]) for member in members])
+    outside = np.array([_counts(cells[group & ~member]) for member, group in zip(members, groups, strict=True)])
     ratios = []
     for number in range(len(members)):
         same, others = (_density(np.delete(counts, number, axis=0).sum(axis=0)) for counts in (inside, outside))
