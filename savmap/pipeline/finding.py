@@ -48,7 +48,7 @@ REACH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Asked:
     """Where the camera was, up to scale, and what the plugins that were asked so far found from there."""
 
     path: Trajectory | None
@@ -59,12 +59,13 @@ def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
     """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate
     the camera come first. Raises StructureError where one of these finds nothing."""
     measurements = walked.measurements
-    found = Found(walked.request.path, measurements)
+    asked = Asked(walked.request.path, measurements)
     for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
         if plugin.name in walked.packed_views and plugin.failure is None:
             locates = plugin.name in measurements.locators
-            found = Finder(walked, plugin).located(found) if locates else Finder(walked, plugin).found(found, monitor)
-    return MeasuredRow(walked.request, found.measurements, strips=walked.strips)
+            finder = Finder(walked, plugin)
+            asked = finder.located(asked) if locates else finder.seen_from_path(asked, monitor)
+    return MeasuredRow(walked.request, asked.measurements, strips=walked.strips)
 
 
 class Finder:
@@ -76,11 +77,11 @@ class Finder:
         self._faces: list[PlanePatch] = []
         self._floor_share: float | None = None
 
-    def located(self, found: Found) -> Found:
+    def located(self, asked: Asked) -> Asked:
         """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
         lie. The first round measures the edges of masks, the second those of the panoramas where the model says that
         they are."""
-        measurements, path = found.measurements, found.path or self._first_path(found.measurements)
+        measurements, path = asked.measurements, asked.path or self._first_path(asked.measurements)
         points: Mapping[str, Floats] = {}
         for last in (False, True):
             measured = self._measured(measurements, path, points, last)
@@ -95,17 +96,17 @@ class Finder:
             walked, face = self.walked, self._faces[-1]
             tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
             measurements = replace(measurements, floor=tracks)
-        return Found(path, replace(measurements, path=path))
+        return Asked(path, replace(measurements, path=path))
 
-    def found(self, found: Found, monitor: Monitor) -> Found:
+    def seen_from_path(self, asked: Asked, monitor: Monitor) -> Asked:
         """With the objects of a plugin that needs to be told where the camera was."""
-        if found.path is None:
-            return found
+        if asked.path is None:
+            return asked
         try:
-            return Found(found.path, self._measured(found.measurements, found.path, {}, True))
+            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}, True))
         except StructureError as error:
             monitor.note(str(error))
-            return Found(found.path, self._with(found.measurements, [], []))
+            return Asked(asked.path, self._with(asked.measurements, [], []))
 
     def _first_path(self, measurements: RowMeasurements) -> Trajectory:
         """By what single frames show."""
@@ -119,11 +120,11 @@ class Finder:
         beside these the parts that only masks tell, such as where something ends."""
         gathered = partial(self._gather, path)
         objects = self.plugin.find(gathered, path, points, self.facts, None)
-        mapped = [thing for thing in objects if thing.is_mapped]
-        floor = self._floor(path, np.concatenate([np.zeros((0, 3)), *(thing.outline for thing in mapped)]))
-        if floor is not None and any(thing.outline[:, 1].max() < floor.y for thing in mapped):
+        mapped = [item for item in objects if item.is_mapped]
+        floor = self._floor(path, np.concatenate([np.zeros((0, 3)), *(item.outline for item in mapped)]))
+        if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
             objects = self.plugin.find(gathered, path, points, self.facts, floor.y)
-            mapped = [thing for thing in objects if thing.is_mapped]
+            mapped = [item for item in objects if item.is_mapped]
         features = [*self._features(mapped, path, exactly)]
         parts = {(feature.label, feature.part) for feature in features}
         before = [feature for feature in measurements.features[self.plugin.name] if feature.object]
@@ -137,7 +138,7 @@ class Finder:
         return replace(
             measurements,
             features={**measurements.features, name: features},
-            found={**measurements.found, name: tuple(objects)},
+            objects={**measurements.objects, name: tuple(objects)},
         )
 
     def _gather(self, path: Trajectory, patch: PlanePatch) -> PlaneEvidence:
@@ -177,7 +178,7 @@ class Finder:
             if strip is None or panorama is None:
                 continue
             spec, pose = self.facts.views[packed_view.view], poses[packed_view.frame]
-            near = [thing for thing in objects if is_near(thing, pose[:3, 3], along)]
+            near = [item for item in objects if is_near(item, pose[:3, 3], along)]
             outlines = outlines_in(spec, pose, near)
             view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
             seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
@@ -189,26 +190,26 @@ class Finder:
             yield from features_of(self.plugin.extract_features(view, detections, pixels), outlines)
 
 
-def is_near(thing: FoundObject, camera: Floats, along: Floats) -> bool:
+def is_near(item: FoundObject, camera: Floats, along: Floats) -> bool:
     """Whether a camera (3,) that goes along a direction (3,) is before some corner or the middle of an object, but for
     `REACH` of its distance from the object's plane."""
-    middle = thing.outline.mean(axis=0)
-    normal = np.linalg.svd(thing.outline - middle, full_matrices=False)[2][2]
-    rays = np.vstack([thing.outline, middle]) - camera
+    middle = item.outline.mean(axis=0)
+    normal = np.linalg.svd(item.outline - middle, full_matrices=False)[2][2]
+    rays = np.vstack([item.outline, middle]) - camera
     return bool((np.abs(rays @ along) < REACH * np.abs(rays @ normal)).any())
 
 
-def uncertain_objects(found: Iterable[FoundObject], structures: Sequence[Structure]) -> tuple[FoundObject, ...]:
+def uncertain_objects(objects: Iterable[FoundObject], structures: Sequence[Structure]) -> tuple[FoundObject, ...]:
     """What is found and not mapped, in metres: laid there as the mapped objects lie where their structures are."""
-    objects = [*found]
+    objects = [*objects]
     places = {structure.id: structure.vertices.mean(axis=0) for structure in structures}
-    mapped = [thing for thing in objects if thing.id in places]
-    others = [thing for thing in objects if thing.id not in places]
+    mapped = [item for item in objects if item.id in places]
+    others = [item for item in objects if item.id not in places]
     if len(mapped) < 2 or not others:
         return ()
-    before = np.array([thing.outline.mean(axis=0) for thing in mapped])
-    after = np.array([places[thing.id] for thing in mapped])
+    before = np.array([item.outline.mean(axis=0) for item in mapped])
+    after = np.array([places[item.id] for item in mapped])
     scale = float(np.linalg.norm(after - after.mean(axis=0)) / np.linalg.norm(before - before.mean(axis=0)))
     return tuple(
-        replace(thing, outline=after.mean(axis=0) + scale * (thing.outline - before.mean(axis=0))) for thing in others
+        replace(item, outline=after.mean(axis=0) + scale * (item.outline - before.mean(axis=0))) for item in others
     )

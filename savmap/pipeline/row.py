@@ -140,17 +140,17 @@ def describe(row: SolvedRow) -> DescribedRow:
         )
         for plugin in row.request.plugins
     }
-    found = {thing.id: thing for objects in row.measurements.found.values() for thing in objects}
-    sure = {name: tuple(_with_probability(part, found) for part in group) for name, group in related.items()}
-    uncertain = uncertain_objects(found.values(), [part for group in sure.values() for part in group])
+    objects = {item.id: item for group in row.measurements.objects.values() for item in group}
+    sure = {name: tuple(_with_probability(part, objects) for part in group) for name, group in related.items()}
+    uncertain = uncertain_objects(objects.values(), [part for group in sure.values() for part in group])
     return DescribedRow(**vars(row), structures=sure, face=face_of(row, sure), uncertain=uncertain)
 
 
-def _with_probability(structure: Structure, found: Mapping[str, FoundObject]) -> Structure:
+def _with_probability(structure: Structure, objects: Mapping[str, FoundObject]) -> Structure:
     """A structure with the probability that it exists, where its plugin's model gave one."""
-    if structure.id not in found:
+    if structure.id not in objects:
         return structure
-    return replace(structure, attributes={**structure.attributes, "probability": found[structure.id].probability})
+    return replace(structure, attributes={**structure.attributes, "probability": objects[structure.id].probability})
 
 
 def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> PlanePatch | None:
@@ -201,8 +201,8 @@ def track_plugin(plugin: LoadedPlugin, row: LocatedRow, path: Trajectory | None)
     StructureError where it finds no structure."""
     require_path(row.request.name, plugin, path)
     features, attitudes = row.measurements.features[plugin.name], row.start.world_from_rig[:, :3, :3]
-    known = path or row.measurements.path if plugin.name in row.measurements.locators else path
-    return plugin.track(features, row.measurements.facts, attitudes, known)
+    start = path or row.measurements.path if plugin.name in row.measurements.locators else path
+    return plugin.track(features, row.measurements.facts, attitudes, start)
 
 
 def constrain_plugin(

@@ -14,7 +14,7 @@ from savmap.errors import SolveError, StructureError
 from savmap.files.journal import Journal
 from savmap.graph import References
 from savmap.pipeline import finding
-from savmap.pipeline.finding import find_structures, is_facing, uncertain_objects
+from savmap.pipeline.finding import find_structures, is_near, uncertain_objects
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
@@ -168,9 +168,9 @@ def test_what_only_masks_tell_is_kept_from_the_first_round() -> None:
 
 def test_what_is_seen_too_far_aslant_is_not_measured() -> None:
     camera = np.array([0.0, 0.0, 2.0])
-    assert is_facing(light(1, 5.0), camera)
-    assert is_facing(light(1, 0.0), camera)
-    assert not is_facing(light(1, 6.5), camera)
+    assert is_near(light(1, 5.0), camera)
+    assert is_near(light(1, 0.0), camera)
+    assert not is_near(light(1, 6.5), camera)
 
 
 def test_an_earlier_maps_path_is_used_from_the_start() -> None:

@@ -29,8 +29,10 @@ def track_structures(features: Sequence[Feature], facts: RowFacts, path: Traject
     for feature in _best(features):
         for name, number in _parts(feature, objects):
             points[name].append((feature, number))
-    standing = _standing({name: own for name, own in points.items() if name.endswith(FOOT)}, facts, path)
-    tracks = [_track(name, own) for name, own in sorted(points.items()) if not name.endswith(FOOT) or name in standing]
+    standing = _standing({name: seen for name, seen in points.items() if name.endswith(FOOT)}, facts, path)
+    tracks = [
+        _track(name, seen) for name, seen in sorted(points.items()) if not name.endswith(FOOT) or name in standing
+    ]
     if not any(track.label == "beam" for track in tracks):
         raise StructureError(
             f"row {facts.name}: no beam that meets an upright was measured in any of {len(facts.frames)} frames"
@@ -61,7 +63,7 @@ def _best(features: Sequence[Feature]) -> list[Feature]:
     for feature in features:
         if feature.object:
             scores[feature.frame, feature.view, feature.object][feature.instance] += feature.score
-    best = {key: max(own, key=lambda number: own[number]) for key, own in scores.items()}
+    best = {key: max(each, key=lambda number: each[number]) for key, each in scores.items()}
     return [f for f in features if f.object and best[f.frame, f.view, f.object] == f.instance]
 
 

@@ -119,9 +119,9 @@ class FaceReader:
             tuple(
                 tuple(
                     Member(float((first + level[0]) * cell), float((first + level[1]) * cell), likely)
-                    for level, likely in zip(own, section.existing.tolist(), strict=True)
+                    for level, likely in zip(places, section.existing.tolist(), strict=True)
                 )
-                for own, section in zip(levels, sections, strict=True)
+                for places, section in zip(levels, sections, strict=True)
             ),
             tuple(tuple(_possible(section, first, cell)) for section in sections),
             bottom * cell,
@@ -158,20 +158,20 @@ class FaceReader:
         sections: list[Intervals] = []
         for turn in range(ROUNDS + 1):
             profile = self._profile(widths, usual)
-            scores = [own + profile + self._levels(number, sections, middles) for number, own in enumerate(shown)]
+            scores = [score + profile + self._levels(number, sections, middles) for number, score in enumerate(shown)]
             if rear:
                 images = [camera + rear * (_of_front(section, usual or 0.0) - camera) for section in sections]
                 scores = [
-                    own + self.parameters.rear * _is_rear(middles, widths, own_images, section, usual or 0.0)
-                    for own, own_images, section in zip(scores, images, sections, strict=True)
+                    score + self.parameters.rear * _is_rear(middles, widths, image, section, usual or 0.0)
+                    for score, image, section in zip(scores, images, sections, strict=True)
                 ]
             sections = best_intervals(scores, widths, gap)
             usual = usual_width(sections)
             if turn == 1 and usual is not None:
                 paint = self._paint(picture, sections, spans)
                 shown = [
-                    self._scores(ratios[:, slice(*span)] + own[:, slice(*span)], widths)
-                    for span, own in zip(spans, paint, strict=True)
+                    self._scores(ratios[:, slice(*span)] + painted[:, slice(*span)], widths)
+                    for span, painted in zip(spans, paint, strict=True)
                 ]
                 rear = rear_ratio(shown, sections, widths, camera, usual)
         return sections, rear
@@ -234,7 +234,7 @@ def rear_ratio(
     shown: Sequence[Floats], sections: Sequence[Intervals], widths: Ints, camera: float, usual: float
 ) -> float:
     """The ratio at which rear members of the sections' beams show most, above the camera's row; 0 where none do."""
-    best, found = REAR_FOUND, 0.0
+    best, likeliest = REAR_FOUND, 0.0
     for ratio in REAR_RATIOS.tolist():
         column = int(np.clip(round(ratio * usual) - widths[0], 0, len(widths) - 1))
         total = 0.0
@@ -245,15 +245,15 @@ def rear_ratio(
                 if np.abs(middles - image).min() > usual and 1 <= first < len(scores) - 1:
                     total += max(float(scores[first - 1 : first + 2, column].max()), -1.0)
         if total > best:
-            best, found = total, ratio
-    return found
+            best, likeliest = total, ratio
+    return likeliest
 
 
 def _is_rear(middles: Floats, widths: Ints, images: Floats, section: Intervals, usual: float) -> Floats:
     """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a
     beam's own place."""
-    own = np.abs(_of_front(section, usual) - images) < usual
-    at = (np.abs(middles[..., None] - images[~own]) < usual / 4).any(axis=-1)
+    at_front = np.abs(_of_front(section, usual) - images) < usual
+    at = (np.abs(middles[..., None] - images[~at_front]) < usual / 4).any(axis=-1)
     return np.asarray(at & (widths < THINNER * usual), np.float64)
 
 
@@ -275,10 +275,10 @@ def measured_members(
     its scores best: something hides one of its borders or adjoins it. Scores are blurred; where the usual width was
     `solved`, in cells, all members become thinner by as much."""
     usual = usual_width(intervals) or 1.0
-    own = [
+    measured = [
         [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
     ]
-    widths = np.array([member[1] - member[0] for members in own for member in members])
+    widths = np.array([member[1] - member[0] for members in measured for member in members])
     alike = widths[np.abs(widths - usual) < max(UNEVEN * usual, 1.0)]
     usual = float(np.median(alike)) if len(alike) else usual
     room, blur = max(UNEVEN * usual, 0.5), 0.0 if solved is None else max(usual - solved, 0.0)
@@ -288,7 +288,7 @@ def measured_members(
             (member if abs(member[1] - member[0] - usual) < room else placed(line, member, usual)) + thinner
             for member in members
         ]
-        for members, line in zip(own, scores, strict=True)
+        for members, line in zip(measured, scores, strict=True)
     ]
 
 
