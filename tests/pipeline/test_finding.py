@@ -152,7 +152,7 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
     assert [(f.frame, f.object) for f in measured.features["one"]] == [
         (frame, f"light {number}") for frame in range(COUNT) for number in (1, 2)
     ]
-    assert [thing.id for thing in measured.found["one"]] == ["light 1", "light 2"]
+    assert [thing.id for thing in measured.objects["one"]] == ["light 1", "light 2"]
     assert measured.path is SOLVED
     places = np.array([f.pixels[0, 0] for f in measured.features["one"] if f.object == "light 2"])
     assert places == pytest.approx(66.5, abs=1.0)
@@ -166,11 +166,13 @@ def test_what_only_masks_tell_is_kept_from_the_first_round() -> None:
     assert parts == [(part, frame) for part in ("centre", "end") for frame in range(COUNT)]
 
 
-def test_what_is_seen_too_far_aslant_is_not_measured() -> None:
-    camera = np.array([0.0, 0.0, 2.0])
-    assert is_near(light(1, 5.0), camera)
-    assert is_near(light(1, 0.0), camera)
-    assert not is_near(light(1, 6.5), camera)
+def test_what_lies_far_ahead_or_behind_is_not_measured() -> None:
+    """Beyond three times the camera's distance of 2 m along its way; how far up something is does not matter."""
+    camera, along = np.array([0.0, 0.0, 2.0]), np.eye(3)[0]
+    assert is_near(light(1, 6.1), camera, along)
+    assert not is_near(light(1, -6.3), camera, along)
+    high = light(1, 0.0)
+    assert is_near(replace(high, outline=high.outline + np.array([0.0, 9.0, 0.0])), camera, along)
 
 
 def test_an_earlier_maps_path_is_used_from_the_start() -> None:
@@ -184,7 +186,7 @@ def test_what_is_less_likely_than_not_is_found_and_not_measured() -> None:
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8, 0.4)])
     measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
     assert {f.object for f in measured.features["one"]} == {"light 1"}
-    assert [thing.probability for thing in measured.found["one"]] == [1.0, 0.4]
+    assert [thing.probability for thing in measured.objects["one"]] == [1.0, 0.4]
 
 
 @pytest.mark.parametrize(("y", "again"), [(0.7, True), (0.3, False)])
@@ -196,7 +198,7 @@ def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8)] if floor is None else [light(2, 0.8)])
     measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
     assert asked.floors == ([None, y] if again else [None]) * 2
-    assert len(measured.found["one"]) == 2 - again
+    assert len(measured.objects["one"]) == 2 - again
 
 
 def test_a_plugin_that_is_told_the_path_finds_once(solved: list[RowMeasurements]) -> None:
@@ -214,7 +216,7 @@ def test_a_plugin_that_is_told_the_path_and_finds_nothing_is_noted() -> None:
     notes = NoteCollector()
     measured = find_structures(walked(Asked(nothing).plugin, locates=False, path=PATH), notes).measurements
     assert notes.lines == ["row A: no light shows"]
-    assert (list(measured.features["one"]), measured.found["one"]) == ([], ())
+    assert (list(measured.features["one"]), measured.objects["one"]) == ([], ())
     unknown = Asked(nothing)
     assert find_structures(walked(unknown.plugin, locates=False), notes).measurements.features == {"one": []}
     assert unknown.paths == []
