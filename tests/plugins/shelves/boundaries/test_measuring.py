@@ -55,7 +55,7 @@ def test_measured_edges_are_right_where_masks_are_too_wide(picture: Picture) -> 
     detections = too_wide(picture)
     masked = extract_features(picture.view, detections)
     measured = extract_features(picture.view, detections, panorama=panorama_of(picture))
-    assert len(measured) == len(masked) > 60
+    assert len(masked) >= len(measured) > 60  # an edge that no piece shows is none
     assert np.median(errors(picture, masked)) > 0.7
     assert np.median(errors(picture, measured)) < 0.15
 
