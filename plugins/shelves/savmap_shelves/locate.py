@@ -52,7 +52,7 @@ def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> T
 
 
 def _states(sightings: FaceSightings, facts: RowFacts, spacing: float) -> Floats:
-    """States (n, 6) of all frames, as in adjust.py, those of all passes in one frame."""
+    """States (n, 6) of all frames, as in `along_uprights`, those of all passes in one frame."""
     observations = frame_observations(sightings, len(facts.frames))
     sizes = (KERNEL * spacing, REACH * spacing, LEAST_SUPPORT)
     states = np.tile([1.0, 0, 0, 0, 0, 0], (len(facts.frames), 1))

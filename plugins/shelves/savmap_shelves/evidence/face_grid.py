@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -13,33 +12,17 @@ CELLS_ACROSS = 5.0
 """How many cells of the patch the thinnest members are wide."""
 BEYOND = 1.3
 """How many usual bays the patch reaches beyond the outermost posts: one more bay fits."""
-ROOM = 3.0
-"""Two beams of a bay are at least so many thicknesses apart: nothing fits between nearer ones."""
 MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
 """What OpenCV samples at once, and what memory holds."""
-
-Span = tuple[float, float]
-"""x of the inner edges of two posts."""
-
-
-def span_of(posts: Sequence[Floats]) -> Span:
-    """What lies between two posts (2,)."""
-    return float(posts[0][1]), float(posts[1][0])
-
-
-def usual_bay(posts: Floats) -> float:
-    """The usual distance from post to post, x (k, 2)."""
-    return float(np.median(np.diff(posts.mean(axis=1))))
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each bay between them y (m, 2) of its
-    beams' edges from the bottom. `pieces`: bay and level numbers, from 0, of levels that show in pieces."""
+    """A face in its own coordinates: x (k, 2) of the posts' edges from the left, and for each bay between them y (m, 2)
+    of its beams' edges from the bottom."""
 
     posts: Floats
     sections: Sequence[Floats]
-    pieces: frozenset[tuple[int, int]] = frozenset()
 
     @property
     def width(self) -> float:
@@ -54,12 +37,7 @@ class Grid:
     @property
     def bay(self) -> float:
         """The usual distance from post to post."""
-        return usual_bay(self.posts)
-
-    @property
-    def spans(self) -> list[Span]:
-        """What lies between the posts of each bay."""
-        return [span_of(posts) for posts in pairwise(self.posts)]
+        return float(np.median(np.diff(self.posts.mean(axis=1))))
 
     @property
     def top(self) -> float:

@@ -12,7 +12,6 @@ from scipy.sparse import coo_array, eye_array
 from scipy.sparse.linalg import spsolve
 
 from savmap.types import Floats, Ints, RowFacts
-from savmap_shelves.tracking.adjust import EdgeObservations
 from savmap_shelves.tracking.odometry import FrameObservations, chained, rise_between, shifts, steps_between
 from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
@@ -21,6 +20,16 @@ RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
 DOUBT, SLIP_DOUBT = 2.0, 8.0
 LONGEST = 20.0
 GAPS, NO_VOTE, RISE_DOUBT = (1, 2, 4), 0.05, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeObservations:
+    """N observations of uprights' edges: frame, edge (index of its coordinate), tangent p and its sigma."""
+
+    frame: Ints
+    edge: Ints
+    p: Floats
+    sigma: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +74,13 @@ def along_uprights(
     odometry: PassOdometry,
     sizes: tuple[float, float, float],
 ) -> Floats:
-    """States (f, 6) of a pass's frames, fitted to the uprights alone and to the odometry; `sizes` as in `find_uprights`."""
+    """States (f, 6): s, u, v, and what the rectification left over, of a pass's frames, fitted to the uprights alone and to the odometry; `sizes` as in `find_uprights`."""
     frames, steps = odometry.frames, odometry.steps
     states = np.tile([1.0, 0, 0, 0, 0, 0], (len(sightings.world_from_rig), 1))
     states[frames, :3] = chained(steps)
     for _ in range(3):
         uprights = find_uprights(sightings, states, frames, sizes)
-        observations, _ = upright_edges(sightings, uprights)
+        observations = upright_edges(sightings, uprights)
         states[frames, :2] = _fitted(states[frames, :2], uprights.x.ravel(), observations, odometry)
     states[frames, 2] = _heights(views, states, frames) * states[frames, 0]
     return states[frames]
@@ -131,39 +140,11 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
     return np.column_stack([np.exp(solved[:, 0] + drift), solved[:, 1]])
 
 
-def upright_edges(sightings: FaceSightings, uprights: Uprights) -> tuple[EdgeObservations, Ints]:
-    """The observations of the uprights' edges, at both ends, and the row of each in FeaturePoints."""
-    known = np.flatnonzero(uprights.which >= 0)
-    edge = (2 * uprights.which[known][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)
-    return edge_observations(sightings, sightings.uprights[known].ravel(), edge.ravel(), 0)
-
-
-def edge_observations(sightings: FaceSightings, source: Ints, edge: Ints, row: int) -> tuple[EdgeObservations, Ints]:
-    """Observations of edges (N,) at points `source` (N,), without those that do not meet the face, and their points."""
-    face = sightings.face
-    sigma = (face.sigma_p, face.sigma_q)[row][source]
-    fine = np.isfinite(face.p[source]) & np.isfinite(sigma)
-    source, edge, sigma = source[fine], edge[fine], sigma[fine]
-    rows = np.full(len(source), row, dtype=np.int64)
-    return EdgeObservations(sightings.points.frame[source], edge, rows, face.p[source], face.q[source], sigma), source
-
-
-def filled(start: Floats, fitted: Floats, observations: EdgeObservations, frames: Ints, least: int) -> Floats:
-    """Fitted states; frames that show fewer than `least` edges follow `start`, corrected as the frames around them were.
-
-    The correction is a factor for the distance from the face and an addition to the place along and above it.
-    """
-    kinds = np.unique(np.column_stack([observations.frame, observations.edge]), axis=0)
-    shown = np.bincount(kinds[:, 0], minlength=len(start))[frames]
-    good, poor = frames[shown >= least], frames[shown < least]
-    states = fitted.copy()
-    if not len(good):
-        return states
-    factor = np.interp(poor, good, np.log(fitted[good, 0] / start[good, 0]))
-    states[poor, 0] = start[poor, 0] * np.exp(factor)
-    for column in (1, 2):
-        change = fitted[good, column] / fitted[good, 0] - start[good, column] / start[good, 0]
-        place = start[poor, column] / start[poor, 0] + np.interp(poor, good, change)
-        states[poor, column] = place * states[poor, 0]
-    states[poor, 3:] = 0.0
-    return states
+def upright_edges(sightings: FaceSightings, uprights: Uprights) -> EdgeObservations:
+    """The observations of the uprights' edges, at both ends, where they meet the face."""
+    at = np.flatnonzero(uprights.which >= 0)
+    edge = ((2 * uprights.which[at][:, None] + np.arange(2))[:, :, None] + np.zeros(2, dtype=np.int64)).ravel()
+    source = sightings.uprights[at].ravel()
+    p, sigma = sightings.face.p[source], sightings.face.sigma_p[source]
+    fine = np.isfinite(p) & np.isfinite(sigma)
+    return EdgeObservations(sightings.points.frame[source][fine], edge[fine], p[fine], sigma[fine])
