@@ -26,7 +26,7 @@ VAGUE_M, VAGUE = 0.02, 3.0
 """A place is not known well where a coordinate's standard deviation is larger than `VAGUE_M`, and than `VAGUE` times
 that of most of its label: along a row that one camera height measures, all are known less well, and the references say
 so."""
-MOST_REJECTED, FAR_M = 0.4, 0.01
+MOST_REJECTED, FAR_M = 0.5, 0.01
 """A structure is inconsistent where a larger share of its measurements was rejected and is further from it than
 `FAR_M`. Nearer ones do not count: a structure is not wrong by more than they are."""
 SCATTERED_M, SCATTERED = 0.02, 4.0
