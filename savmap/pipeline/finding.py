@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from savmap.errors import SiteError, SolveError, StructureError
-from savmap.pipeline.path import first_poses, located_by
+from savmap.pipeline.path import continued, first_poses, located_by
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
@@ -89,7 +89,8 @@ class Finder:
                 located = located_by(self.plugin, self.walked.request, measured, path)
             except (SolveError, SiteError) as error:
                 raise StructureError(f"row {self.facts.name}: what is found cannot be solved: {error}") from error
-            measurements, path, points = measured, located.path, located.points[self.plugin.name]
+            measurements, points = measured, located.points[self.plugin.name]
+            path = continued(located.path, self.facts.frames)
         depths = tuple(self._depths(path, points)) if self.plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths))
         if not measurements.floor.tracks and (floor := self._floor(path, np.array([*points.values()]))) is not None:

@@ -7,18 +7,20 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from savmap import graph
 from savmap.errors import StructureError
 from savmap.graph import CameraPriors, References, camera_priors, published_start
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Floats, Trajectory
+from savmap.types import Floats, FrameTable, Trajectory
 from savmap.vision.attitude import attitudes
 
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
+NEXT = 3
 
 
 def first_poses(row: RowRequest, measurements: RowMeasurements) -> tuple[Trajectory, CameraPriors]:
@@ -79,6 +81,24 @@ def located_by(
         tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, path)
         constraints = plugin.constrain(tracks, measurements.facts, row.path or start)
     return graph.locate_camera(graph.merge(frames, constraints, partial=True))
+
+
+def continued(path: Trajectory, frames: FrameTable) -> Trajectory:
+    """A path with poses of frames that it lacks, on the straight line and the turn through the two nearest of their pass,
+    where the nearest is at most `NEXT` frames away."""
+    numbers, poses = path.frames.tolist(), dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    for frame in set(range(len(frames))) - set(numbers):
+        near = [number for number in numbers if frames.passes[number] == frames.passes[frame]]
+        near.sort(key=lambda number: abs(number - frame))
+        if len(near) > 1 and abs(near[0] - frame) <= NEXT:
+            first, second = (poses[number] for number in near[:2])
+            times = frames.stamps_s[[near[0], near[1], frame]]
+            share = float((times[2] - times[0]) / (times[1] - times[0]))
+            turn = Rotation.from_matrix(second[:3, :3] @ first[:3, :3].T).as_rotvec()
+            pose = first + share * (second - first)
+            pose[:3, :3] = Rotation.from_rotvec(share * turn).as_matrix() @ first[:3, :3]
+            poses[frame] = pose
+    return Trajectory(np.array(sorted(poses), np.int64), np.stack([poses[frame] for frame in sorted(poses)]))
 
 
 @contextmanager

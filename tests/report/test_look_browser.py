@@ -68,7 +68,7 @@ def test_warning_of_a_row_paints_and_tells_every_element(opened: Open) -> None:
     assert len({colour for key, colour in colours.items() if key.startswith("C/")}) == 1
     assert colours["C/post 1"] not in {colours["A/post 1"], colours["B/post 1"]}
     assert "a reference contradicts the rest" in page.inner_text("#selection .warnings")
-    assert page.inner_text("#selection .tag") == "row"
+    assert page.locator("#selection .tag").all_inner_texts() == ["reference-conflict", "row"]
     page.evaluate("savmapViewer.selection.openAddress('A/post 2')")
     assert page.locator("#selection .warnings").count() == 0
 
@@ -79,7 +79,7 @@ def test_warning_of_an_element_stands_out_from_the_rows(opened: Open) -> None:
     colours = page.evaluate(COLOURS, "verdict")
     assert len({colours["A/post 1"], colours["A/post 2"]}) == 2
     assert page.locator("#selection .warnings li").count() == 2
-    assert page.locator("#selection .tag").count() == 1
+    assert page.locator('#selection .tag:text-is("row")').count() == 1
 
 
 def test_warning_folds_its_details(opened: Open) -> None:
