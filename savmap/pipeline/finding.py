@@ -6,6 +6,7 @@ A plugin finds its objects there, each with the probability that it exists. Thei
 that the drive kept of the frames, and the path is solved; a second round finds and measures with that path.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from savmap.errors import SiteError, SolveError, StructureError
-from savmap.pipeline.path import continued, first_poses, located_by
+from savmap.pipeline.path import completed, continued, first_poses, located_by
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
@@ -32,7 +33,6 @@ from savmap.types.progress import Monitor
 from savmap.vision.evidence import (
     FloorHeight,
     depth_of,
-    expected_detections,
     features_of,
     floor_before,
     floor_tracks,
@@ -42,7 +42,8 @@ from savmap.vision.evidence import (
 )
 from savmap.vision.strips import PanoramaStrip
 
-UPRIGHT = 0.99
+UPRIGHT, STRAY_PX = 0.99, 5.0
+"""How far outside of its outline an object may be seen by the first path."""
 REACH = 3.0
 """What is further ahead or behind, in distances from its plane, is seen too far aslant to be measured."""
 
@@ -59,6 +60,7 @@ def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
     """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate
     the camera come first. Raises StructureError where one of these finds nothing."""
     measurements = walked.measurements
+    walked = replace(walked, request=completed(walked.request, measurements.facts.frames))
     asked = Asked(walked.request.path, measurements)
     for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
         if plugin.name in walked.packed_views and plugin.failure is None:
@@ -79,8 +81,8 @@ class Finder:
 
     def located(self, asked: Asked) -> Asked:
         """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
-        lie. The first round measures the edges of masks, the second those of the panoramas where the model says that
-        they are."""
+        lie. The first round takes the edges of masks that the walk measured, the second measures those of the panoramas
+        where the model says that they are."""
         measurements, path = asked.measurements, asked.path or self._first_path(asked.measurements)
         points: Mapping[str, Floats] = {}
         for last in (False, True):
@@ -118,7 +120,7 @@ class Finder:
         self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], exactly: bool
     ) -> RowMeasurements:
         """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines, and
-        beside these the parts that only masks tell, such as where something ends."""
+        beside these the parts that only masks tell, such as where something ends; else those of the walk."""
         gathered = partial(self._gather, path)
         objects = self.plugin.find(gathered, path, points, self.facts, None)
         mapped = [item for item in objects if item.is_mapped]
@@ -126,7 +128,7 @@ class Finder:
         if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
             objects = self.plugin.find(gathered, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]
-        features = [*self._features(mapped, path, exactly)]
+        features = [*(self._features(mapped, path) if exactly else self._assigned(mapped, path))]
         parts = {(feature.label, feature.part) for feature in features}
         before = [feature for feature in measurements.features[self.plugin.name] if feature.object]
         features += [feature for feature in before if (feature.label, feature.part) not in parts]
@@ -163,32 +165,42 @@ class Finder:
             if depth is not None:
                 yield depth
 
-    def _features(self, objects: list[FoundObject], path: Trajectory, exactly: bool) -> Iterator[Feature]:
+    def _assigned(self, objects: list[FoundObject], path: Trajectory) -> Iterator[Feature]:
+        """What the walk measured of objects in single frames."""
+        of_view: dict[tuple[int, str], list[Feature]] = defaultdict(list)
+        for feature in self.walked.measurements.features[self.plugin.name]:
+            of_view[feature.frame, feature.view].append(feature)
+        for frame, view, pose, near in self._shown(objects, path):
+            yield from features_of(of_view[frame, view], outlines_in(self.facts.views[view], pose, near), STRAY_PX)
+
+    def _features(self, objects: list[FoundObject], path: Trajectory) -> Iterator[Feature]:
         """What is measured of objects in all frames whose pose is known."""
+        series = strips_of(self.walked.request.name)
+        pictures = {(packed.frame, packed.view): packed for packed in self.packed_views}
+        strip: PanoramaStrip | None = None
+        panorama: Panorama | None = None
+        for frame, name, pose, near in self._shown(objects, path):
+            if strip is None or strip.frame != frame:
+                strip = self.walked.journal.get(PanoramaStrip, series, frame)
+                panorama = strip.panorama() if strip is not None else None
+            if strip is not None and panorama is not None:
+                spec = self.facts.views[name]
+                view = View(spec, frame, panorama.stamp_s, pictures[frame, name].image())
+                seen = strip.segmentation(self.plugin.name, name, self.plugin.classes)
+                features = self.plugin.extract_features(view, found_detections(view, seen, pose, near), panorama)
+                yield from features_of(features, outlines_in(spec, pose, near))
+
+    def _shown(
+        self, objects: list[FoundObject], path: Trajectory
+    ) -> Iterator[tuple[int, str, Floats, list[FoundObject]]]:
+        """Frames and views whose pose (4, 4) is known, and the objects that are not too far ahead or behind there."""
         poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
         places = path.world_from_rig[:, :3, 3]
         along = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
-        series, strip = strips_of(self.walked.request.name), None
-        panorama: Panorama | None = None
-        for packed_view in self.packed_views:
-            if packed_view.frame not in poses:
-                continue
-            if strip is None or strip.frame != packed_view.frame:
-                strip = self.walked.journal.get(PanoramaStrip, series, packed_view.frame)
-                panorama = strip.panorama() if strip is not None else None
-            if strip is None or panorama is None:
-                continue
-            spec, pose = self.facts.views[packed_view.view], poses[packed_view.frame]
-            near = [item for item in objects if is_near(item, pose[:3, 3], along)]
-            outlines = outlines_in(spec, pose, near)
-            view = View(spec, panorama.frame, panorama.stamp_s, packed_view.image())
-            seen = strip.segmentation(self.plugin.name, packed_view.view, self.plugin.classes)
-            if exactly:
-                detections = found_detections(view, seen, pose, near)
-            else:
-                detections = expected_detections(view, seen, outlines)
-            pixels = panorama if exactly else None
-            yield from features_of(self.plugin.extract_features(view, detections, pixels), outlines)
+        for packed in self.packed_views:
+            if (pose := poses.get(packed.frame)) is not None:
+                near = [item for item in objects if is_near(item, pose[:3, 3], along)]
+                yield packed.frame, packed.view, pose, near
 
 
 def is_near(item: FoundObject, camera: Floats, along: Floats) -> bool:

@@ -83,11 +83,19 @@ def located_by(
     return graph.locate_camera(graph.merge(frames, constraints, partial=True))
 
 
+def completed(row: RowRequest, frames: FrameTable) -> RowRequest:
+    """A row whose earlier path, if it has one, has the poses of frames next to those that were located, too."""
+    return row if row.path is None else replace(row, path=continued(row.path, frames))
+
+
 def continued(path: Trajectory, frames: FrameTable) -> Trajectory:
-    """A path with poses of frames that it lacks, on the straight line and the turn through the two nearest of their pass,
+    """A path with poses of frames that it lacks, on the line and the turn through the two nearest of their pass,
     where the nearest is at most `NEXT` frames away."""
+    missing = set(range(len(frames))) - set(path.frames.tolist())
+    if not missing:
+        return path
     numbers, poses = path.frames.tolist(), dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    for frame in set(range(len(frames))) - set(numbers):
+    for frame in missing:
         near = [number for number in numbers if frames.passes[number] == frames.passes[frame]]
         near.sort(key=lambda number: abs(number - frame))
         if len(near) > 1 and abs(near[0] - frame) <= NEXT:

@@ -12,7 +12,7 @@ from savmap.graph import Constraints
 from savmap.graph.joint_covariance import joint_covariance
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
-from savmap.pipeline.path import first_poses
+from savmap.pipeline.path import completed, first_poses
 from savmap.pipeline.records import (
     DescribedRow,
     LocatedRow,
@@ -54,9 +54,9 @@ def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) ->
 
 def locate(row: MeasuredRow) -> LocatedRow:
     """The first poses of the frames, in the row's frame. Raises StructureError."""
-    request, measurements = row.request, row.measurements
-    start, frames = first_poses(request, measurements)
-    return LocatedRow(**vars(row), start=start, frames=frames)
+    request = completed(row.request, row.measurements.facts.frames)
+    start, frames = first_poses(request, row.measurements)
+    return LocatedRow(**{**vars(row), "request": request}, start=start, frames=frames)
 
 
 def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:

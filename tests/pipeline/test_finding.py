@@ -70,7 +70,6 @@ class Asked:
         self.floors: list[float | None] = []
         self.pixels: list[bool] = []
         self.located = 0
-        self.masks_tell = False
         asked = self
 
         def locate(self: object) -> Trajectory:
@@ -91,11 +90,9 @@ class Asked:
         ) -> list[Feature]:
             asked.pixels.append(panorama is not None)
             middles = [np.argwhere(detection.mask).mean(axis=0)[::-1] for detection in detections]
-            parts = ("centre",) if panorama is not None or not asked.masks_tell else ("centre", "end")
             return [
-                Feature(view.frame, view.spec.name, "light", part, number, middle[None], np.eye(2)[None])
+                Feature(view.frame, view.spec.name, "light", "centre", number, middle[None], np.eye(2)[None])
                 for number, middle in enumerate(middles)
-                for part in parts
             ]
 
         members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features, "locate": locate}
@@ -147,7 +144,7 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
     assert asked.located == 1
     assert asked.paths == [PATH, SOLVED]
     assert [dict(points) for points in asked.points] == [{}, POINTS]
-    assert asked.pixels == [False] * COUNT + [True] * COUNT
+    assert asked.pixels == [True] * COUNT
     assert len(solved) == 2
     assert [(f.frame, f.object) for f in measured.features["one"]] == [
         (frame, f"light {number}") for frame in range(COUNT) for number in (1, 2)
@@ -158,12 +155,17 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
     assert places == pytest.approx(66.5, abs=1.0)
 
 
-def test_what_only_masks_tell_is_kept_from_the_first_round() -> None:
+def test_what_only_masks_tell_is_kept_from_the_walk() -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
-    asked.masks_tell = True
-    measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
-    parts = sorted((f.part, f.frame) for f in measured.features["one"])
-    assert parts == [(part, frame) for part in ("centre", "end") for frame in range(COUNT)]
+    row = walked(asked.plugin)
+    ends = [
+        Feature(frame, SHOWN.name, "light", "end", 0, np.array([[29.0, 32.0]]), np.eye(2)[None])
+        for frame in range(COUNT)
+    ]
+    row = replace(row, measurements=replace(row.measurements, features={"one": ends}))
+    features = find_structures(row, NoteCollector()).measurements.features["one"]
+    parts = sorted((f.part, f.frame, f.object) for f in features)
+    assert parts == [(part, frame, "light 1") for part in ("centre", "end") for frame in range(COUNT)]
 
 
 def test_what_lies_far_ahead_or_behind_is_not_measured() -> None:
@@ -236,13 +238,17 @@ def test_what_locates_the_camera_and_finds_or_solves_nothing_ends_the_row(monkey
         find_structures(walked(Asked(lambda floor: [light(1, -0.8)]).plugin), NoteCollector())
 
 
-def test_frames_without_a_pose_or_a_strip_are_not_measured() -> None:
+def test_frames_beside_those_with_a_pose_are_measured_on_the_way_that_these_give() -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
-    known = Trajectory(PATH.frames[1:3], PATH.world_from_rig[1:3])
-    row = walked(asked.plugin, locates=False, path=known)
-    assert [f.frame for f in find_structures(row, NoteCollector()).measurements.features["one"]] == [1, 2]
-    bare = replace(row, journal=Journal())
-    assert find_structures(bare, NoteCollector()).measurements.features["one"] == []
+    some = Trajectory(PATH.frames[1:3], PATH.world_from_rig[1:3])
+    row = walked(asked.plugin, locates=False, path=some)
+    assert [f.frame for f in find_structures(row, NoteCollector()).measurements.features["one"]] == [*range(COUNT)]
+    np.testing.assert_allclose(asked.paths[0].world_from_rig, PATH.world_from_rig, atol=1e-9)
+
+
+def test_frames_without_a_strip_are_not_measured() -> None:
+    row = replace(walked(Asked(lambda floor: [light(1, -0.8)]).plugin, locates=False, path=PATH), journal=Journal())
+    assert find_structures(row, NoteCollector()).measurements.features["one"] == []
 
 
 def test_depths_of_flat_parts_are_asked_once_with_the_solved_path(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,5 @@
 """Evidence in planes: what adds up over frames, what smears away, and how frames are read with it in mind."""
 
-import cv2
 import numpy as np
 import pytest
 
@@ -17,7 +16,6 @@ from savmap.types import (
 )
 from savmap.vision.evidence import (
     PackedView,
-    expected_detections,
     features_of,
     found_detections,
     gather,
@@ -116,21 +114,6 @@ def test_the_plane_is_pictured() -> None:
     assert np.abs(seen.picture[seen.weight > 0].astype(int) - 90).max() <= 2
 
 
-def detected(probability: float, expected: list[FoundObject]) -> list[float]:
-    """Middles of the regions found where posts are expected; the network sees one at 1 and one at 3."""
-    image = np.zeros((SPEC.height, SPEC.width, 3), np.uint8)
-    segmentation = drawn(pose(2.0), [post(1.0), post(3.0)], probability)
-    view = View(SPEC, 0, 0.0, image)
-    found = expected_detections(view, segmentation, outlines_in(SPEC, pose(2.0), expected))
-    return [float(np.nonzero(detection.mask)[1].mean()) for detection in found]
-
-
-def test_a_faint_post_is_found_where_one_is_expected() -> None:
-    centre = outline_in(SPEC, pose(2.0), post(1.0))
-    assert centre is not None
-    assert detected(0.2, [a_post(post(1.0))]) == [pytest.approx(centre[:, 0].mean(), abs=1.0)]
-
-
 def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
     """A leaning post, as a wide view shows one whose top is nearly beside the camera."""
     outline = np.array([[83.0, 200.0], [87.0, 200.0], [-4554.0, -3332.0], [-4622.0, -3332.0]])
@@ -144,33 +127,6 @@ def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
 
 def test_an_outline_beside_the_picture_has_no_part_in_it() -> None:
     assert within_picture(np.array([[900.0, 0], [990, 0], [990, 90]]), (240, 320)).shape == (0, 2)
-
-
-def test_a_post_that_leans_far_beyond_the_picture_is_found() -> None:
-    """The view looks up along a tall post, whose lower end is behind it."""
-    tall = np.array([[2.85, -1.5, 0.0], [2.95, -1.5, 0.0], [2.95, 2.0, 0.0], [2.85, 2.0, 0.0]])
-    lean = np.eye(4)
-    lean[:3, :3], lean[:3, 3] = AT_FACE @ UPWARDS, [2.0, 1.0, 0.6]
-    outline = outline_in(SPEC, lean, tall)
-    assert outline is not None
-    assert np.abs(outline).max() > 2000
-    shown = within_picture(outline, (SPEC.height, SPEC.width))
-    maps = np.zeros((2, SPEC.height, SPEC.width), np.float32)
-    cv2.fillPoly(maps[1], [np.round(shown).astype(np.int32)], 0.9)
-    maps[0] = 1 - maps[1]
-    view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
-    outlines = outlines_in(SPEC, lean, [a_post(tall)])
-    found = expected_detections(view, Segmentation(("post",), maps), outlines)
-    assert sum(int(detection.mask.sum()) for detection in found) == (maps[1] > 0).sum()
-
-
-def test_what_is_not_expected_is_passed_over() -> None:
-    assert len(detected(0.9, [a_post(post(3.0))])) == 1
-    assert detected(0.9, [a_post(post(2.0))]) == []
-
-
-def test_nothing_is_made_up_where_nothing_is_seen() -> None:
-    assert detected(0.05, [a_post(post(1.0)), a_post(post(3.0))]) == []
 
 
 def test_an_outline_behind_the_camera_is_nowhere() -> None:

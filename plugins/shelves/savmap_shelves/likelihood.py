@@ -17,7 +17,7 @@ FITTED = Path(__file__).parent / "model" / "face_model.json"
 
 @dataclass(frozen=True)
 class FaceParameters:
-    """The model's parameters, fitted on training rows (`python -m savmap_shelves.lab.fit`). Lengths are shares of the
+    """The model's parameters, with their provenance in the file that they are read from. Lengths are shares of the
     camera's distance.
 
     scores: mean scores of a cell, rising; upright, beam: log-likelihood ratios of that class at these scores.

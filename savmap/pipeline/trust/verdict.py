@@ -22,7 +22,7 @@ AROUND, ROUNDS, LEAST_M, SLOPE_M2, TINY = 12, 30, 1e-4, 1e-2, 1e-12
 OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
 UNKNOWN_M = 0.05
 """A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
-VAGUE_M, VAGUE = 0.02, 3.0
+VAGUE_M, VAGUE = 0.03, 3.0
 """A place is not known well where a coordinate's standard deviation is larger than `VAGUE_M`, and than `VAGUE` times
 that of most of its label: along a row that one camera height measures, all are known less well, and the references say
 so."""

@@ -1,7 +1,7 @@
 """What is detected in a frame of the objects that all frames together show there: also what is too faint to be seen in it alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from savmap.types import Detection, Feature, Floats, FoundObject, View, ViewSpec
 from savmap.vision.evidence.planes import outline_in
-from savmap.vision.networks.adapter import regions
 from savmap.vision.networks.segmenter import Segmentation
 
 Singles = NDArray[np.float32]
 Outlined = tuple[FoundObject, Floats]
 """An expected object and its outline (m, 2) px in a view."""
 
-LIKELY_QUANTILE = 80.0
+LIKELY_QUANTILE, FAINTEST, LEAST_PX = 80.0, 0.06, 12
+"""A network sees an object where this percentile of the scores inside of it, over so many pixels at least, is no fainter."""
 AROUND_PX, OUTSIDE_PX, HALF, BAND = 64.0, 2.0, 0.5, 0.15
 
 
@@ -24,44 +24,6 @@ def outlines_in(view: ViewSpec, world_from_rig: Floats, expected: Sequence[Found
     """The objects that a view shows a part of, each with its outline in it."""
     outlines = [(thing, outline_in(view, world_from_rig, thing.outline)) for thing in expected]
     return [(thing, outline) for thing, outline in outlines if outline is not None]
-
-
-@dataclass(frozen=True)
-class DetectionSettings:
-    """How expected objects are detected in a frame.
-
-    An object's pixels are those within `margin` of its outline, as a share of its lesser thickness (and `margin_px` more), whose probability
-    is above half of the object's usual one, the 80th percentile inside it. This must be at least `faintest`. Connected regions of fewer than
-    `least_px` pixels are left out.
-    """
-
-    margin: float = 0.35
-    margin_px: float = 2.0
-    faintest: float = 0.06
-    least_px: int = 12
-
-
-USUAL = DetectionSettings()
-
-
-def expected_detections(
-    view: View,
-    segmentation: Segmentation,
-    expected: Sequence[Outlined],
-    settings: DetectionSettings = DetectionSettings(),
-) -> list[Detection]:
-    """The regions of a view in which a network sees one of the objects that are outlined there, also faintly, and no other regions.
-
-    Probabilities are scaled so that half of an object's usual one becomes 0.5, the level of a mask's border.
-    """
-    detections: list[Detection] = []
-    for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
-        raised = np.zeros_like(probability)
-        for target, outline in expected:
-            if target.label == label:
-                _raise(raised, probability, outline, settings)
-        detections += regions(label, raised, 0.5, settings.least_px)
-    return detections
 
 
 def found_detections(
@@ -79,8 +41,8 @@ def found_detections(
                 continue
             around, within = (_covered(band, part) for band in (outer, inner))
             core = probability[part][within > HALF]
-            usual = float(np.percentile(core, LIKELY_QUANTILE)) if len(core) >= USUAL.least_px else 0.0
-            if usual > USUAL.faintest:
+            usual = float(np.percentile(core, LIKELY_QUANTILE)) if len(core) >= LEAST_PX else 0.0
+            if usual > FAINTEST:
                 raised = np.minimum(np.maximum(np.minimum(probability[part] / usual / 2, 1.0), within), around)
                 mask = np.zeros(probability.shape, np.bool_)
                 mask[part] = raised >= HALF
@@ -122,52 +84,31 @@ def _covered(outline: Floats, part: tuple[slice, slice]) -> Singles:
     return np.asarray(covered, np.float32) / np.float32(255)
 
 
-def features_of(features: Sequence[Feature], outlines: Sequence[Outlined]) -> list[Feature]:
+def features_of(
+    features: Sequence[Feature], outlines: Sequence[Outlined], outside_px: float = OUTSIDE_PX
+) -> list[Feature]:
     """The features of a view with the object of each: that of its class whose outline its instance lies farthest inside of."""
     exact = [(thing, outline.astype(np.float32)) for thing, outline in outlines]
     pixels: dict[tuple[str, int], list[Floats]] = {}
     for feature in features:
         pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
-    objects = {key: _object_at(key[0], np.concatenate(own).mean(axis=0), exact) for key, own in pixels.items()}
+    objects = {
+        key: _object_at(key[0], np.concatenate(own).mean(axis=0), exact, outside_px) for key, own in pixels.items()
+    }
     return [replace(feature, object=objects[feature.label, feature.instance]) for feature in features]
 
 
-def _object_at(label: str, place: Floats, outlines: Sequence[tuple[FoundObject, NDArray[np.float32]]]) -> str:
+def _object_at(
+    label: str, place: Floats, outlines: Sequence[tuple[FoundObject, NDArray[np.float32]]], outside_px: float
+) -> str:
     """The id of the object of a class whose outline a place (2,) px is farthest inside of; empty where it is outside of all."""
-    best, found = -OUTSIDE_PX, ""
+    best, found = -outside_px, ""
     for thing, outline in outlines:
         if thing.label == label:
             inside = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
             if inside > best:
                 best, found = inside, thing.id
     return found
-
-
-def _raise(raised: Singles, probability: Singles, outline: Floats, settings: DetectionSettings) -> None:
-    """Raise probabilities in and around an outline, so that half of the usual one inside becomes 0.5."""
-    shown = within_picture(outline, probability.shape)
-    if not len(shown):
-        return
-    width = round(settings.margin * _thickness(shown) + settings.margin_px)
-    low = np.maximum(np.floor(shown.min(axis=0)).astype(int) - width - 1, 0)
-    high = np.minimum(np.ceil(shown.max(axis=0)).astype(int) + width + 2, probability.shape[::-1])
-    if (low >= high).any():
-        return
-    part = slice(low[1], high[1]), slice(low[0], high[0])
-    inside = probability[part]
-    core = np.zeros(inside.shape, np.uint8)
-    cv2.fillPoly(core, [np.round(16 * (shown - low)).astype(np.int32)], 1, shift=4)
-    values = inside[core > 0]
-    usual = float(np.percentile(values, LIKELY_QUANTILE)) if len(values) else 0.0
-    if usual < settings.faintest:
-        return
-    near = cv2.dilate(core, np.ones((2 * width + 1, 2 * width + 1), np.uint8))
-    np.maximum(raised[part], np.minimum(inside / min(usual, 1.0), 1.0) * near, out=raised[part])
-
-
-def _thickness(outline: Floats) -> float:
-    """The lesser side, px, of the smallest rectangle around an outline (n, 2)."""
-    return float(min(cv2.minAreaRect(outline.astype(np.float32))[1]))
 
 
 def within_picture(outline: Floats, shape: tuple[int, ...]) -> Floats:

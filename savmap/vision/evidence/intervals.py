@@ -131,18 +131,6 @@ def best_intervals(scores: Sequence[Floats], widths: Ints, gap: int) -> list[Int
     return result
 
 
-def log_evidence(scores: Floats, widths: Ints, gap: int) -> float:
-    """The log of what all sets of intervals of a line (n, w) score together, at least `gap` cells apart."""
-    count = len(scores)
-    forward = np.zeros(count + 1)
-    for end in range(1, count + 1):
-        fits = widths <= end
-        start = end - widths[fits]
-        value = forward[np.maximum(start - gap, 0)] + scores[start, np.flatnonzero(fits)]
-        forward[end] = _log_sum(np.append(value, forward[end - 1])[:, None])[0]
-    return float(forward[-1])
-
-
 def _log_sum(values: Floats) -> Floats:
     """log sum exp over the first axis."""
     most = values.max(axis=0)
