@@ -9,7 +9,6 @@ that the drive kept of the frames, and the path is solved; a second round finds 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -121,17 +120,26 @@ class Finder:
     ) -> RowMeasurements:
         """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines, and
         beside these the parts that only masks tell, such as where something ends; else those of the walk."""
-        gathered = partial(self._gather, path)
-        objects = self.plugin.find(gathered, path, points, self.facts, None)
+        gathered: dict[tuple[bytes, bytes, float], PlaneEvidence] = {}
+
+        def evidence(patch: PlanePatch) -> PlaneEvidence:
+            key = np.append(patch.origin, patch.size).tobytes(), patch.axes.tobytes(), patch.cell
+            if key not in gathered:
+                gathered[key] = self._gather(path, patch)
+            return gathered[key]
+
+        objects = self.plugin.find(evidence, path, points, self.facts, None)
         mapped = [item for item in objects if item.is_mapped]
         floor = self._floor(path, np.concatenate([np.zeros((0, 3)), *(item.outline for item in mapped)]))
         if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
-            objects = self.plugin.find(gathered, path, points, self.facts, floor.y)
+            objects = self.plugin.find(evidence, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]
-        features = [*(self._features(mapped, path) if exactly else self._assigned(mapped, path))]
+        of_walk = [*self._assigned(mapped, path)]
+        if not exactly:
+            return self._with(measurements, objects, of_walk)
+        features = [*self._features(mapped, path)]
         parts = {(feature.label, feature.part) for feature in features}
-        before = [feature for feature in measurements.features[self.plugin.name] if feature.object]
-        features += [feature for feature in before if (feature.label, feature.part) not in parts]
+        features += [item for item in of_walk if item.object and (item.label, item.part) not in parts]
         return self._with(measurements, objects, features)
 
     def _with(

@@ -22,7 +22,7 @@ from savmap.vision.evidence import (
     heights_shown,
     outlines_in,
 )
-from savmap.vision.evidence.expected import BAND, grown, within_picture
+from savmap.vision.evidence.detections import BAND, grown, within_picture
 from savmap.vision.evidence.planes import outline_in
 from savmap.vision.networks.segmenter import Segmentation
 

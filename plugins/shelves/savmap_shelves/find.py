@@ -33,7 +33,8 @@ def find(
     distance = float(np.median(places[:, 2]))
     patch = face_patch(path, facts)
     uprights = gather(patch)
-    depth = float(np.median([0.0, *(point[2] for name, point in points.items() if " / beam " in name)][1:] or [0.0]))
+    depths = [float(point[2]) for name, point in points.items() if " / beam " in name]
+    depth = float(np.median(depths)) if depths else 0.0
     beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
     camera = float(np.median(places[:, 1])) - float(patch.origin[1]), distance
     below = None if floor is None else floor - float(patch.origin[1])

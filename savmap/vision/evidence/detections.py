@@ -1,4 +1,4 @@
-"""What is detected in a frame of the objects that all frames together show there: also what is too faint to be seen in it alone."""
+"""Detections in a frame of what all frames together show: also of what is too faint to be seen in it alone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,16 +13,16 @@ from savmap.vision.networks.segmenter import Segmentation
 
 Singles = NDArray[np.float32]
 Outlined = tuple[FoundObject, Floats]
-"""An expected object and its outline (m, 2) px in a view."""
+"""A found object and its outline (m, 2) px in a view."""
 
 LIKELY_QUANTILE, FAINTEST, LEAST_PX = 80.0, 0.06, 12
 """A network sees an object where this percentile of the scores inside of it, over so many pixels at least, is no fainter."""
 AROUND_PX, OUTSIDE_PX, HALF, BAND = 64.0, 2.0, 0.5, 0.15
 
 
-def outlines_in(view: ViewSpec, world_from_rig: Floats, expected: Sequence[FoundObject]) -> list[Outlined]:
+def outlines_in(view: ViewSpec, world_from_rig: Floats, objects: Sequence[FoundObject]) -> list[Outlined]:
     """The objects that a view shows a part of, each with its outline in it."""
-    outlines = [(thing, outline_in(view, world_from_rig, thing.outline)) for thing in expected]
+    outlines = [(thing, outline_in(view, world_from_rig, thing.outline)) for thing in objects]
     return [(thing, outline) for thing, outline in outlines if outline is not None]
 
 
