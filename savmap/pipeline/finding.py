@@ -55,12 +55,13 @@ class Asked:
     measurements: RowMeasurements
 
 
-def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
+def find_structures(walked: WalkedRow, monitor: Monitor, start: Trajectory | None = None) -> MeasuredRow:
     """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate
-    the camera come first. Raises StructureError where one of these finds nothing."""
+    the camera come first. `start`: a first path, up to scale, where the row's pictures need not give it. Raises
+    StructureError where one of these finds nothing."""
     measurements = walked.measurements
     walked = replace(walked, request=completed(walked.request, measurements.facts.frames))
-    asked = Asked(walked.request.path, measurements)
+    asked = Asked(walked.request.path or start, measurements)
     for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
         if plugin.name in walked.packed_views and plugin.failure is None:
             locates = plugin.name in measurements.locators

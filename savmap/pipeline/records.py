@@ -119,6 +119,14 @@ class MeasuredRow:
     measurements: RowMeasurements
     strips: RowStrips = field(default_factory=RowStrips, kw_only=True)
 
+    @property
+    def moments(self) -> list[tuple[Footage, float]]:
+        """Which picture each frame is: the same in every row that is seen in it."""
+        passes = self.request.passes
+        footage = {name: row_pass.footage for name, row_pass in zip(pass_names(passes), passes, strict=True)}
+        table = self.measurements.facts.frames
+        return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
+
 
 @dataclass(frozen=True, eq=False)
 class WalkedRow(MeasuredRow):
@@ -171,14 +179,6 @@ class PosedRow(TrackedRow):
     """A tracked row as a problem for the graph."""
 
     problem: Problem
-
-    @property
-    def moments(self) -> list[tuple[Footage, float]]:
-        """Which picture each frame is: the same in every row that is seen in it."""
-        passes = self.request.passes
-        footage = {name: row_pass.footage for name, row_pass in zip(pass_names(passes), passes, strict=True)}
-        table = self.measurements.facts.frames
-        return [(footage[name], stamp) for name, stamp in zip(table.passes, table.stamps_s.tolist(), strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from savmap.graph import Constraints
 from savmap.graph.joint_covariance import joint_covariance
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
+from savmap.pipeline.other_paths import with_paths_of_others
 from savmap.pipeline.path import completed, first_poses
 from savmap.pipeline.records import (
     DescribedRow,
@@ -38,7 +39,8 @@ def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) 
     """What the rows' pictures show: one walk over the pixels for all of them, then what the evidence of all frames
     together shows, measured in what was kept of each. A row that cannot be measured comes back as its error."""
     walked = walk(requests, journal, monitor)
-    return each(walked, lambda row: find_structures(row, monitor))
+    measured = each(walked, lambda row: find_structures(row, monitor))
+    return with_paths_of_others(walked, measured, monitor)
 
 
 def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) -> list[RowMap | SavmapError]:

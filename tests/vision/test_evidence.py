@@ -19,11 +19,10 @@ from savmap.vision.evidence import (
     features_of,
     found_detections,
     gather,
-    heights_shown,
     outlines_in,
 )
 from savmap.vision.evidence.detections import BAND, grown, within_picture
-from savmap.vision.evidence.planes import outline_in
+from savmap.vision.evidence.planes import heights_shown, outline_in
 from savmap.vision.networks.segmenter import Segmentation
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)

@@ -8,14 +8,13 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import FoundObject, PlaneEvidence, PlanePatch, RowFacts, Trajectory
-from savmap.vision.evidence.planes import heights_shown
+from savmap.vision.evidence.planes import upright_patch
 from savmap_shelves.evidence import tracked_grid
 from savmap_shelves.face_model import Face, FaceReader, Member
 from savmap_shelves.likelihood import fitted
 
-CELL, BEYOND, ROOM = 0.0125, 1.3, 0.1
-"""The side of a cell, how far beyond the camera's path the face is read, and how far an upright's outline goes on at
-both ends, as shares of the camera's distance."""
+CELL, ROOM = 0.0125, 0.1
+"""The side of a cell, and how far an upright's outline goes on at both ends, as shares of the camera's distance."""
 LIKELY = 0.5
 """Members that are more likely than this are numbered and mapped."""
 
@@ -31,7 +30,7 @@ def find(
     where no bay shows."""
     places = path.world_from_rig[:, :3, 3]
     distance = float(np.median(places[:, 2]))
-    patch = face_patch(path, facts)
+    patch = upright_patch(path, facts, CELL)
     uprights = gather(patch)
     depths = [float(point[2]) for name, point in points.items() if " / beam " in name]
     depth = float(np.median(depths)) if depths else 0.0
@@ -46,22 +45,6 @@ def find(
     if not any(face.sections):
         raise StructureError(f"row {facts.name}: {len(face.posts)} uprights but no beam between them were found")
     return [*_objects(face, patch, depth, ROOM * distance)]
-
-
-def face_patch(path: Trajectory, facts: RowFacts) -> PlanePatch:
-    """All of the face that the views of a path show, z = 0."""
-    places = path.world_from_rig[:, :3, 3]
-    distance = float(np.median(places[:, 2]))
-    low, high = heights_shown(path, facts)
-    left, right = places[:, 0].min() - BEYOND * distance, places[:, 0].max() + BEYOND * distance
-    return PlanePatch(
-        "face",
-        np.array([left, low, 0.0]),
-        np.eye(3)[0],
-        np.eye(3)[1],
-        np.array([right - left, high - low]),
-        CELL * distance,
-    )
 
 
 def _objects(face: Face, patch: PlanePatch, depth: float, room: float) -> Iterator[FoundObject]:

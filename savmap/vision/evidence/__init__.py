@@ -3,7 +3,7 @@
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.detections import Outlined, features_of, found_detections, outlines_in
 from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_before, floor_height, floor_tracks
-from savmap.vision.evidence.planes import PackedView, gather, heights_shown
+from savmap.vision.evidence.planes import PackedView, gather, upright_patch
 
 __all__ = [
     "FloorHeight",
@@ -17,6 +17,6 @@ __all__ = [
     "floor_tracks",
     "found_detections",
     "gather",
-    "heights_shown",
     "outlines_in",
+    "upright_patch",
 ]

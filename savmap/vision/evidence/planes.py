@@ -34,6 +34,8 @@ BORDER_PX = 2.0
 NEAR = 0.02
 REACH, TINY = 3.0, 1e-9
 FACING, FARTHEST = 0.3, 9.0
+BEYOND = 1.3
+"""How far beyond both ends of the path an upright plane is looked at, in its distances."""
 HALVED_FROM_PIXELS = np.array([[1 / HALVED, 0, 0.5 / HALVED - 0.5], [0, 1 / HALVED, 0.5 / HALVED - 0.5], [0, 0, 1]])
 
 
@@ -206,3 +208,13 @@ def heights_shown(path: Trajectory, facts: RowFacts) -> tuple[float, float]:
             ]
             low, high = min(low, *edges), max(high, *edges)
     return float(low), float(high)
+
+
+def upright_patch(path: Trajectory, facts: RowFacts, cell: float) -> PlanePatch:
+    """All of the upright plane z = 0 that the views of a path show; its cells' side is that share of its distance."""
+    places = path.world_from_rig[:, :3, 3]
+    distance = float(np.median(places[:, 2]))
+    low, high = heights_shown(path, facts)
+    left, right = places[:, 0].min() - BEYOND * distance, places[:, 0].max() + BEYOND * distance
+    size = np.array([right - left, high - low])
+    return PlanePatch("face", np.array([left, low, 0.0]), np.eye(3)[0], np.eye(3)[1], size, cell * distance)
