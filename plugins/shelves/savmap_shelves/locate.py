@@ -19,9 +19,7 @@ from savmap_shelves.tracking.path import along_uprights, pass_odometry
 from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_sightings, on_face
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
 
-LEAST_FRAMES, LEAST_TRAVEL, LEAST_SUPPORT = 3, 0.2, 0.25
-KERNEL, REACH = 0.06, 0.18
-"""Of uprights along x, as shares of the distance from one to the next."""
+LEAST_FRAMES, LEAST_TRAVEL = 3, 0.2
 NEIGHBOUR_DEG, WHOLE_DEG = 1.0, 3.0
 """How far attitudes may be off from frame to frame, and altogether."""
 LEVEL_KERNEL = 0.02
@@ -52,17 +50,16 @@ def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> T
 
 
 def _states(sightings: FaceSightings, facts: RowFacts, spacing: float) -> Floats:
-    """States (n, 6) of all frames, as in `along_uprights`, those of all passes in one frame."""
+    """States (n, 3) of all frames, as in `along_uprights`, those of all passes in one frame."""
     observations = frame_observations(sightings, len(facts.frames))
-    sizes = (KERNEL * spacing, REACH * spacing, LEAST_SUPPORT)
-    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(facts.frames), 1))
+    states = np.tile([1.0, 0, 0], (len(facts.frames), 1))
     passes = [frames for name in dict.fromkeys(facts.frames.passes) if len(frames := facts.frames.of_pass(name))]
     for frames in passes:
         odometry = pass_odometry(observations, facts, frames, spacing)
-        states[frames] = along_uprights(sightings, observations, odometry, sizes)
+        states[frames] = along_uprights(sightings, observations, odometry, spacing)
     if len(passes) == 1:
         return states
-    grids = [_pass_grid(sightings, states, frames, sizes) for frames in passes]
+    grids = [_pass_grid(sightings, states, frames, spacing) for frames in passes]
     main = int(np.argmax([len(grid.y) for grid in grids]))
     for number, (grid, frames) in enumerate(zip(grids, passes, strict=True)):
         similarity = laid_on(grids[main], grid) if number != main else None
@@ -75,13 +72,13 @@ def _states(sightings: FaceSightings, facts: RowFacts, spacing: float) -> Floats
     return states
 
 
-def _pass_grid(sightings: FaceSightings, states: Floats, frames: Ints, sizes: tuple[float, float, float]) -> PassGrid:
+def _pass_grid(sightings: FaceSightings, states: Floats, frames: Ints, spacing: float) -> PassGrid:
     """Uprights and beams' heights as single frames of a pass show them."""
-    uprights = find_uprights(sightings, states, frames, sizes)
+    uprights = find_uprights(sightings, states, frames, spacing)
     bays, heights = _corners(sightings, states, uprights)
     here = np.isin(sightings.beam_frame, frames)[:, None, None] & np.isfinite(heights)
     levels = [
-        modes(heights[here & (bays == bay)[:, None, None]], LEVEL_KERNEL * sizes[0] / KERNEL)
+        modes(heights[here & (bays == bay)[:, None, None]], LEVEL_KERNEL * spacing)
         for bay in range(len(uprights.x) - 1)
     ]
     numbers = np.repeat(np.arange(len(levels)), [len(level) for level in levels])
@@ -90,7 +87,7 @@ def _pass_grid(sightings: FaceSightings, states: Floats, frames: Ints, sizes: tu
 
 def _corners(sightings: FaceSightings, states: Floats, uprights: Uprights) -> tuple[Ints, Floats]:
     """The bay (m,) that each sighted beam is in, -1 where that is not sure, and y (m, 2, 2) of its corners."""
-    bounds = uprights.beside(sightings)
+    bounds = uprights.ends_of(sightings)
     bays = np.where(bounds[:, 0] >= 0, bounds[:, 0], np.where(bounds[:, 1] >= 0, bounds[:, 1] - 1, -1))
     state = states[sightings.beam_frame][:, None, None]
     y = (sightings.face.q[sightings.corners] + state[..., 2]) / state[..., 0]

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from savmap.types import Bools, Floats, Ints
+from savmap.types import Floats, Ints
 
 CELLS = 5
 FAR = 3000.0
@@ -50,23 +50,3 @@ def medians(values: Floats, which: Ints, count: int) -> Floats:
         for k in range(count)
     ]
     return np.array(middle, dtype=np.float64).reshape(count, *values.shape[1:])
-
-
-def strongest(order: Ints, clash: Bools) -> Bools:
-    """Which clusters (k,) stay, taken in `order` (k,), if none may clash (k, k) with one that stays."""
-    kept = np.zeros(len(order), dtype=np.bool_)
-    for index in order:
-        kept[index] = not (clash[index] & kept).any()
-    return kept
-
-
-def supported(support: Floats, shown: Ints, count: Ints, least: float) -> Bools:
-    """Which clusters (k,) are sure: sighted three times or more, and often enough in the frames that should show them.
-
-    Often enough: that share, less its standard deviation, is at least `least` of the usual share. With few frames chance
-    makes a share large.
-    """
-    usual = float(np.median(support[support >= 0.5 * support.max(initial=0)])) if len(support) else 0.0
-    chance = np.sqrt(support * (1 - support) / np.maximum(shown, 1))
-    sure = support - chance
-    return np.asarray((sure >= least * usual) & (count >= 3))

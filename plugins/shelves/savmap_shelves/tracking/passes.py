@@ -43,7 +43,7 @@ def laid_on(reference: PassGrid, other: PassGrid) -> Similarity | None:
 
 
 def transformed(states: Floats, similarity: Similarity) -> Floats:
-    """States (n, 6) of a path in the other frame after its scene has been moved by `similarity`."""
+    """States (n, 3) of a path in the other frame after its scene has been moved by `similarity`."""
     changed = states.copy()
     changed[:, 0] = states[:, 0] / similarity.scale
     changed[:, 1] = states[:, 1] + similarity.slide * changed[:, 0]
@@ -69,13 +69,13 @@ def _scored(reference: PassGrid, other: PassGrid, scale: float, slide: float) ->
     inside = (x > reference.x[0] - spacing / 4) & (x < reference.x[-1] + spacing / 4)
     both = np.flatnonzero((match[:-1] >= 0) & (match[1:] == match[:-1] + 1))
     uprights = 2.0 * (match >= 0).sum() - inside.sum()
-    steps, apart = [], []
+    steps, offsets = [], []
     for section in both:
         heights = scale * other.y[other.section == section]
         reference_heights = reference.y[reference.section == match[section]]
         steps.append(min(len(heights), len(reference_heights)) - max(len(heights), len(reference_heights)))
-        apart.append((reference_heights[:, None] - heights).ravel())
-    if not apart or not len(votes := np.concatenate(apart)):
+        offsets.append((reference_heights[:, None] - heights).ravel())
+    if not offsets or not len(votes := np.concatenate(offsets)):
         return Similarity(scale, slide, 0.0), uprights - 2.0
     near = np.abs(votes[:, None] - votes) < LEVEL_REACH * spacing / 2
     rise = float(np.median(votes[near[near.sum(axis=1).argmax()]]))

@@ -17,9 +17,10 @@ from savmap_shelves.tracking.sightings import FaceSightings
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
 
 RATIO_SIGMA, SLIDE_SIGMA, UPRIGHT_SIGMA = 0.01, 0.02, 0.012
-DOUBT, SLIP_DOUBT = 2.0, 8.0
+TAIL = 2.0
+"""Sigmas from which on the loss of an edge, and of a step, grows slowly."""
 LONGEST = 20.0
-GAPS, NO_VOTE, RISE_DOUBT = (1, 2, 4), 0.05, 0.02
+GAPS, NO_VOTE, RISE_SIGMA = (1, 2, 4), 0.05, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +73,14 @@ def along_uprights(
     sightings: FaceSightings,
     views: Sequence[FrameObservations],
     odometry: PassOdometry,
-    sizes: tuple[float, float, float],
+    spacing: float,
 ) -> Floats:
-    """States (f, 6): s, u, v, and what the rectification left over, of a pass's frames, fitted to the uprights alone and to the odometry; `sizes` as in `find_uprights`."""
+    """States (f, 3) of a pass's frames, as in `chained`, fitted to the uprights and to the odometry. spacing: of the uprights, in x."""
     frames, steps = odometry.frames, odometry.steps
-    states = np.tile([1.0, 0, 0, 0, 0, 0], (len(sightings.world_from_rig), 1))
-    states[frames, :3] = chained(steps)
+    states = np.tile([1.0, 0, 0], (len(sightings.world_from_rig), 1))
+    states[frames] = chained(steps)
     for _ in range(3):
-        uprights = find_uprights(sightings, states, frames, sizes)
+        uprights = find_uprights(sightings, states, frames, spacing)
         observations = upright_edges(sightings, uprights)
         states[frames, :2] = _fitted(states[frames, :2], uprights.x.ravel(), observations, odometry)
     states[frames, 2] = _heights(views, states, frames) * states[frames, 0]
@@ -100,7 +101,7 @@ def _heights(views: Sequence[FrameObservations], states: Floats, frames: Ints) -
     for _ in range(10):
         normal = slopes.T @ (slopes * weight[:, None]) + 1e-6 * eye_array(len(frames))
         height = spsolve(normal.tocsc(), slopes.T @ (weight * change))
-        weight = (votes + NO_VOTE) / (1 + ((change - slopes @ height) / RISE_DOUBT) ** 2)
+        weight = (votes + NO_VOTE) / (1 + ((change - slopes @ height) / RISE_SIGMA) ** 2)
     return np.asarray(height)
 
 
@@ -115,7 +116,6 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
         np.hypot(observations.sigma, UPRIGHT_SIGMA), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
     ])  # fmt: skip
     value = np.concatenate([np.column_stack([np.log(start[:, 0]), start[:, 1]]).ravel(), x])
-    warning = np.repeat([DOUBT, np.inf, SLIP_DOUBT], [len(frame), count - 1, count - 1])
     known, links = len(frame), np.arange(count - 1)
     rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
     columns = np.concatenate([
@@ -129,7 +129,7 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
             np.log(ratio * s[:-1] / s[1:]),
             ratio * u[:-1] - slide - u[1:],
         ]) / sigma  # fmt: skip
-        weight = 1 / sigma / np.sqrt(1 + (misfit / warning) ** 2)
+        weight = 1 / sigma / np.sqrt(1 + (misfit / TAIL) ** 2)
         by_frame = [edge[observations.edge] * s[frame], -np.ones(known), s[frame]]
         slopes = np.concatenate([*by_frame, np.ones(2 * count - 2), -np.ones(count - 1), -ratio])
         jacobian = coo_array((slopes * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()

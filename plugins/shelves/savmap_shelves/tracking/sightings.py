@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.geometry import pinhole
 from savmap.types import Bools, Feature, Floats, Ints, RowFacts, ViewSpec
 
 UPRIGHT_PARTS = ("left", "right")
@@ -22,49 +21,42 @@ Key = tuple[int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class FeaturePoints:
-    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2, score (N,)."""
+    """N feature points: frame, view (index into `views`), pixels (N, 2), covariance (N, 2, 2) px^2."""
 
     frame: Ints
     view: Ints
     pixels: Floats
     covariance: Floats
-    score: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Tangents:
-    """The face-plane tangents p, q (N,) of N points, with their standard deviations."""
+    """The face-plane tangents p, q (N,) of N points, with the standard deviation of p."""
 
     p: Floats
     q: Floats
     sigma_p: Floats
-    sigma_q: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
     """Which points make an upright or a beam: indices into FeaturePoints, -1 where a point is missing.
 
-    open_views (frames, views): which views show the face in which frames.
     uprights (n, 2, 2): edge (left, right), end (top, bottom). corners (m, 2, 2): side (left, right), edge (lower, upper).
-    bounds (m, 2): sightings of the uprights that a beam ends at (left, right). spans (m, 2): ends of a beam's edge.
+    bounds (m, 2): sightings of the uprights that a beam ends at (left, right).
     edges (e, 2): both ends of each edge. edge_axis (e,): 0 for beams' edges, which follow x, 1 for uprights', which follow y.
     """
 
     points: FeaturePoints
     views: tuple[ViewSpec, ...]
-    names: tuple[str, ...]
     uprights: Ints
     corners: Ints
     bounds: Ints
-    spans: Ints
     upright_frame: Ints
     upright_view: Ints
     beam_frame: Ints
-    beam_view: Ints
     edges: Ints
     edge_axis: Ints
-    open_views: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,19 +65,6 @@ class FaceSightings(Sightings):
 
     world_from_rig: Floats
     face: Tangents
-
-    def visible(self, p: Floats, q: Floats, frame: Ints, margin: float) -> Bools:
-        """Whether tangents p, q (N,) lie in a view that is open at `frame` (N,), `margin` of its size inside its border."""
-        rays = np.stack([p, q, -np.ones_like(p)], axis=1)
-        rig = np.einsum("nji,nj->ni", self.world_from_rig[frame], rays)
-        inside = np.zeros(len(frame), dtype=np.bool_)
-        for number in np.flatnonzero(self.open_views.any(axis=0)):
-            view = self.views[number]
-            pixel = pinhole.project(rig @ view.rig_from_view, view.camera)
-            size = np.array([view.width, view.height])
-            within = ((pixel >= margin * size) & (pixel <= (1 - margin) * size)).all(axis=1)
-            inside |= within & self.open_views[frame, number]
-        return inside
 
     def horizon(self) -> Floats:
         """Tangents p (n, 2) of the uprights' edges (left, right) at q = 0."""
@@ -124,25 +103,21 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
     ]
     edge_rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
     uprights = _uprights(known, keys, first)
-    corners, neighbours, spans = _beams(known, keys, first)
+    corners, neighbours = _beams(known, keys, first)
     row_of = {key: index for index, key in enumerate(uprights)}
     bounds = [[row_of.get((*key[:2], number), -1) for number in neighbours[key]] for key in corners]
     upright_keys, beam_keys = (np.array([*group], dtype=np.int64).reshape(-1, 3) for group in (uprights, corners))
     return Sightings(
         points,
         tuple(facts.views.values()),
-        names,
         np.array([*uprights.values()], dtype=np.int64).reshape(-1, 2, 2),
         np.array([*corners.values()], dtype=np.int64).reshape(-1, 2, 2),
         np.array(bounds, dtype=np.int64).reshape(-1, 2),
-        np.array([spans.get(key, (-1, -1)) for key in corners], dtype=np.int64).reshape(-1, 2),
         upright_keys[:, 0],
         upright_keys[:, 1],
         beam_keys[:, 0],
-        beam_keys[:, 1],
         edge_rows[:, :2],
         edge_rows[:, 2],
-        _open_views(points, facts),
     )
 
 
@@ -153,17 +128,7 @@ def feature_points(features: Sequence[Feature], views: Sequence[str]) -> Feature
         np.array([views.index(f.view) for f in features for _ in f.pixels], dtype=np.int64),
         np.concatenate([np.zeros((0, 2)), *(f.pixels for f in features)]),
         np.concatenate([np.zeros((0, 2, 2)), *(f.covariance for f in features)]),
-        np.array([f.score for f in features for _ in f.pixels], dtype=np.float64),
     )
-
-
-def _open_views(points: FeaturePoints, facts: RowFacts) -> Bools:
-    """A view is open in all frames of a pass in which it showed anything."""
-    passes = list(dict.fromkeys(facts.frames.passes))
-    number = np.array([passes.index(name) for name in facts.frames.passes], dtype=np.int64)
-    table = np.zeros((len(passes), len(facts.views)), dtype=np.bool_)
-    table[number[points.frame], points.view] = True
-    return np.asarray(table[number])
 
 
 def _uprights(features: Sequence[Feature], keys: Sequence[Key], first: Ints) -> Mapping[Key, Ints]:
@@ -177,19 +142,16 @@ def _uprights(features: Sequence[Feature], keys: Sequence[Key], first: Ints) -> 
 
 def _beams(
     features: Sequence[Feature], keys: Sequence[Key], first: Ints
-) -> tuple[Mapping[Key, Ints], Mapping[Key, list[int]], Mapping[Key, tuple[int, int]]]:
-    """Of beams with a corner: point indices (2, 2) of the corners, and the uprights beside them; of all beams, the ends."""
+) -> tuple[Mapping[Key, Ints], Mapping[Key, list[int]]]:
+    """Of beams with a corner: point indices (2, 2) of the corners, and the uprights that they end at."""
     corners: dict[Key, Ints] = defaultdict(lambda: np.full((2, 2), -1, dtype=np.int64))
     neighbours: dict[Key, list[int]] = {}
-    spans: dict[Key, tuple[int, int]] = {}
     place = {part: (side, edge) for side, parts in enumerate(CORNER_PARTS) for edge, part in enumerate(parts)}
     for feature, key, row in zip(features, keys, first.tolist(), strict=False):
-        if feature.label == "beam" and len(feature.pixels) == 2:
-            spans[key] = (row, row + 1)
-        elif feature.label == "beam" and feature.part in place:
+        if feature.label == "beam" and feature.part in place:
             corners[key][place[feature.part]] = row
             neighbours[key] = [feature.neighbours.get(side, -1) for side in ("left", "right")]
-    return {key: rows for key, rows in corners.items() if (rows >= 0).any()}, neighbours, spans
+    return {key: rows for key, rows in corners.items() if (rows >= 0).any()}, neighbours
 
 
 def rig_rays(points: FeaturePoints, views: Sequence[ViewSpec]) -> Floats:
@@ -214,9 +176,8 @@ def tangents(points: FeaturePoints, views: Sequence[ViewSpec], world_from_rig: F
     plane[~(np.abs(np.nan_to_num(plane, nan=np.inf)) < MAX_TANGENT).all(axis=1)] = np.nan
     slope = (world_from_pixel[:, :2, :2] + plane[:, :, None] * world_from_pixel[:, 2:, :2]) / depth[:, None, None]
     covariance = np.where(across[:, None, None], _across_only(points.covariance), points.covariance)
-    spread = np.einsum("nij,njk,nik->ni", slope, covariance, slope)
-    sigma = np.sqrt(np.maximum(spread, 0))
-    return Tangents(plane[:, 0], plane[:, 1], sigma[:, 0], sigma[:, 1])
+    spread = np.einsum("nj,njk,nk->n", slope[:, 0], covariance, slope[:, 0])
+    return Tangents(plane[:, 0], plane[:, 1], np.sqrt(np.maximum(spread, 0)))
 
 
 def _across_only(covariance: Floats) -> Floats:
