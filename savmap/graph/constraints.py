@@ -16,8 +16,6 @@ from savmap.graph.measurements import ImageMeasurements
 from savmap.types import Axis, Floats
 
 TIGHT_M = 1e-4
-Pair = tuple[Axis, int, int]
-"""An axis, and the keys of two landmarks at a distance along it."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +88,7 @@ class Constraints:
     They may bind the plugin's keys and `frame_key`s only; for other plugins' landmarks there are the `relate` hook and
     the references. Factors of frames that are not solved for are left out. `variables`: variables that no pixel
     measures but these factors bind, with their first values by key: a `gtsam.Pose2` at a `KeySpace.pose2` key, three
-    numbers at a `KeySpace.vector3` key. `alike`: groups of pairs of landmarks whose distance along an axis is usually
-    much the same, above all within a group, such as the edges of a bay's beams: where a reference contradicts what was
-    seen of its landmark, they tell which of both is wrong. `height_reference`: how the user gives a known height on
+    numbers at a `KeySpace.vector3` key. `height_reference`: how the user gives a known height on
     this plugin's structures, for error messages.
     """
 
@@ -105,7 +101,6 @@ class Constraints:
     factors: gtsam.NonlinearFactorGraph | None = None
     alternatives: Mapping[str, tuple[Relation, ...]] = field(default_factory=dict)
     variables: Mapping[int, Variable] = field(default_factory=dict)
-    alike: tuple[tuple[Pair, ...], ...] = ()
     height_reference: str = ""
 
     def __post_init__(self) -> None:

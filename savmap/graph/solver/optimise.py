@@ -25,7 +25,6 @@ from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.normal_equations import Equations, Layout, Reduced, SharedUnknowns
 from savmap.graph.problem import Estimate, Problem, frames_of
 from savmap.graph.solver.judgement.contradictions import Judgement, judged
-from savmap.graph.solver.judgement.lookalikes import measured_for
 from savmap.graph.solver.judgement.reference_tests import (
     reference_uses,
     refuse_unseen,
@@ -76,8 +75,8 @@ PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), ro
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """The solve after a round: the problem corrected for the `bias` (k,) px estimated so far, the estimate, its fit,
-    and how errors persist; `notes` for the user and `warnings` from before it, references that something else than
-    their landmark was seen for, and the residuals' scale of the first round."""
+    and how errors persist; `notes` for the user, what is known of the references, and the residuals' scale of the first
+    round."""
 
     problem: Problem
     bias: Floats
@@ -202,8 +201,7 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
     judgement = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
-    kept = last.fit.kept & ~measured_for(judgement.problem, judgement.mistaken)
-    return judgement, aligned(judgement.problem, last.estimate), replace(last, fit=replace(last.fit, kept=kept))
+    return judgement, aligned(judgement.problem, last.estimate), last
 
 
 def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
@@ -218,12 +216,9 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     inflation = _by_class(iterate.problem.measurements, iterate.reported.inflation)
     problem, estimate, fit = iterate.problem, iterate.estimate, iterate.fit
     judgement = iterate.judgement or Judgement(problem)
-    refuse_unseen(problem, fit, judgement.mistaken)
-    excluded = measured_for(problem, judgement.mistaken)
+    refuse_unseen(problem, fit)
     try:
-        solution = build_solution(
-            problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report, excluded
-        )
+        solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
     except UnknownScaleError as error:
         warnings = "; ".join(warning.line for warning in judgement.warnings if warning.code == "reference-conflict")
         row = problem.camera.facts.name

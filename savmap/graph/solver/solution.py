@@ -19,7 +19,7 @@ from savmap.graph.solver.judgement.reference_tests import (
     refuse_contradiction,
 )
 from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
-from savmap.types import Bools, Floats, MapWarning, ReferenceUse, Trajectory
+from savmap.types import Floats, MapWarning, ReferenceUse, Trajectory
 
 WARN_SIGMA = 3.0
 VAGUE_SCALE = 0.015
@@ -162,10 +162,8 @@ def build_solution(
     bias: Floats,
     notes: tuple[str, ...],
     figures: Mapping[str, float | str],
-    excluded: Bools,
 ) -> Solution:
-    """Put the results together; `notes` go first, `figures` after the report. Measurements that are
-    `excluded` (n,) are of something else than their landmark, and do not count. Raises SolveError if references
+    """Put the results together; `notes` go first, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
     tested, covariance = covariances.tested, covariances.reported
     tests = reference_tests(problem, estimate, tested)
@@ -177,7 +175,7 @@ def build_solution(
         require_known(problem, sigma)
     return Solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
-        landmarks=_landmarks(problem, estimate, fit, covariance, excluded),
+        landmarks=_landmarks(problem, estimate, fit, covariance),
         references=tuple(test.use for test in tests),
         rejected=tuple(_rejected(problem, fit)),
         notes=(*notes, *_notes(tests, share, sigma)),
@@ -199,7 +197,7 @@ def build_solution(
         covariance=covariance,
         deviations={test.use.name: test.deviation for test in tests},
         variables=estimate.variables,
-        warnings=(*_misfits(problem, fit, excluded), *_contradicted(tests)),
+        warnings=(*_misfits(problem, fit), *_contradicted(tests)),
         directional=directional,
     )
 
@@ -213,11 +211,11 @@ def _contradicted(tests: Sequence[ReferenceTest]) -> Iterator[MapWarning]:
             yield MapWarning("reference-conflict", (test.use.name,), figure, details=(test.line,), size=off)
 
 
-def _misfits(problem: Problem, fit: Fit, excluded: Bools) -> Iterator[MapWarning]:
+def _misfits(problem: Problem, fit: Fit) -> Iterator[MapWarning]:
     """A warning about each class of measurements that hardly agree: errors so large or so many are none of measuring.
     Raises SolveError where they say nothing at all."""
     for number, name in enumerate(problem.measurements.class_names):
-        of_class = (problem.measurements.classes == number) & ~excluded
+        of_class = problem.measurements.classes == number
         rejected = 1.0 - float(fit.kept[of_class].mean()) if of_class.any() else 0.0
         times = float(fit.scales[of_class].max(initial=0.0))
         if rejected > MANY_REJECTED or times > MISFIT:
@@ -239,13 +237,12 @@ def _biases(problem: Problem, bias: Floats, covariance: Covariance) -> Iterator[
 
 
 def _landmarks(
-    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance, excluded: Bools
+    problem: Problem, estimate: Estimate, fit: Fit, covariance: Covariance
 ) -> dict[str, dict[str, Landmark]]:
-    of_landmark = fit.kept | ~excluded
     used = np.bincount(problem.at_key[fit.kept], minlength=len(problem.keys))
-    order = np.lexsort((~fit.kept[of_landmark], problem.at_key[of_landmark]))
-    ends = np.searchsorted(problem.at_key[of_landmark][order], np.arange(1, len(problem.keys)))
-    offsets = np.split(_offsets(problem, estimate, fit)[of_landmark][order], ends)
+    order = np.lexsort((~fit.kept, problem.at_key))
+    ends = np.searchsorted(problem.at_key[order], np.arange(1, len(problem.keys)))
+    offsets = np.split(_offsets(problem, estimate, fit)[order], ends)
     slot = {key: 3 * index for index, key in enumerate(covariance.keys)}
 
     def landmark(key: int) -> Landmark:

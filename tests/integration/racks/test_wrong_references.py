@@ -19,10 +19,6 @@ from savmap.graph import (
     merge,
     solve,
 )
-from savmap.graph.solver.judgement.agreement import Agreement, Solved
-from savmap.graph.solver.judgement.contradictions import _mistakable
-from savmap.graph.solver.judgement.lookalikes import Span, spans_of
-from savmap.graph.solver.optimise import converged
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -140,26 +136,6 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
         solve(problem(level, 0.3, far))
 
 
-def test_an_edge_seen_elsewhere_does_not_refute_its_height(four: made.World) -> None:
-    """The lowest beam's lower edge is hidden in bay 2, and its upper edge was taken for it."""
-    places = {
-        (track.place.get("bay"), track.place.get("beam"), track.place.get("edge"), track.place.get("side")): track
-        for track in four.tracks
-    }
-
-    def seen(track: made.Track) -> made.Track:
-        if (track.place.get("bay"), track.place.get("beam"), track.place.get("edge")) != (2, 1, "lower"):
-            return track
-        upper = places[2, 1, "upper", track.place["side"]]
-        return replace(upper, name=track.name, place=track.place)
-
-    hidden = replace(four, tracks=[seen(track) for track in four.tracks])
-    solution = solve(problem(hidden, list(four.rack.lowest), made.references(four)))
-    assert solution.warnings == ()
-    assert any("`height of the lowest edge of bay 2` is something else" in line for line in solution.notes)
-    assert largest_error(four, solution) < 0.02
-
-
 def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
     lines = made.solved(four).unchecked
     assert lines[0].startswith("nothing would notice an error of ")
@@ -180,35 +156,6 @@ def test_a_wrong_length_does_not_bend_the_path_by_which_others_are_tracked(four:
     located = locate_camera(problem(four, list(four.rack.lowest), given))
     off = located.path.world_from_rig[:, :3, 3] - four.poses[located.path.frames, :3, 3]
     assert np.abs(off).max() < 0.3
-
-
-def test_a_thick_beam_is_not_blamed_for_a_wrong_length() -> None:
-    """Its height given, it would be no more like the others than it is: nothing else was taken for it."""
-    spans = {
-        "height": Span(0.14, 0.09, 0.02, 1.0),
-        "hidden": Span(0.0, 0.09, 0.02, 1.0),
-        "usual": Span(0.09, 0.09, 0.02, 1.0),
-    }
-    given = np.array([4.24, 0.30, 0.20])
-    solved = Solved(np.array([4.265, 0.39, 0.20]), np.full(3, 0.1), 1e-5 * np.eye(3), np.zeros((3, 0)))
-    agreed = Agreement.of(tuple(spans), given, np.full(3, 0.002), solved)
-    assert _mistakable(agreed, spans) == {"hidden"}
-
-
-def test_thick_beams_of_a_bridge_look_odd_only_beside_its_own() -> None:
-    """A bay's beams may have a profile of their own: the other bays' says nothing of them."""
-    bridged = made.world(3, sections=4, frames=50, bridge=2)
-    thicker = [
-        beams + np.array([0.0, 0.05]) if section == 2 else beams for section, beams in enumerate(bridged.rack.beams)
-    ]
-    lowest_too_low = np.zeros((len(thicker[2]), 2))
-    lowest_too_low[0, 0] = -0.06
-    odd = [*thicker[:2], thicker[2] + lowest_too_low, thicker[3]]
-    for beams, expected in (thicker, False), (odd, True):
-        world = made.seen_from(replace(bridged.rack, beams=tuple(beams)), bridged.poses, np.random.default_rng(2))
-        given = problem(world, list(world.rack.lowest), made.references(world))
-        spans = spans_of(given, converged(given).estimate)
-        assert spans["height of the lowest edge of bay 3"].is_odd() == expected
 
 
 def test_a_length_in_feet_is_told(four: made.World) -> None:

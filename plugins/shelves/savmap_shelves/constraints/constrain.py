@@ -216,7 +216,6 @@ def constrain(
         initial | {track.name: _initial_foot(track, grid, initial) for track in feet},
         dict(_edge_names(grid, keys)),
         alternatives=alternatives if len(alternatives) > 1 else {},
-        alike=tuple(_profiles(grid, keys)),
     )
 
 
@@ -365,18 +364,6 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
         yield fixed_coordinate("z", keys[track.name])
         floor = known_coordinate("y", keys[track.name], 0.0, sigma, "floor under the uprights")
         yield replace(floor, presumed=HIDDEN_FEET)
-
-
-def _profiles(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[tuple[Axis, int, int], ...]]:
-    """Lower and upper edge of every beam, bay by bay: most beams of a row have one profile, and those of a bridge their
-    own."""
-    for section in grid.sections:
-        beams: list[tuple[Axis, int, int]] = [
-            ("y", keys[lower], keys[grid.rows[section, beam, "upper"][0]])
-            for (of, beam, edge), (lower, *_) in grid.rows.items()
-            if (of, edge) == (section, "lower") and (section, beam, "upper") in grid.rows
-        ]
-        yield tuple(beams)
 
 
 def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:

@@ -5,7 +5,7 @@ solved with `softened` references first. Its shape is that of the pictures then,
 which are compared with it and with one another (see `agreement`).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,6 @@ from savmap.graph.initial.outlier_references import (
 )
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
-from savmap.graph.solver.judgement.lookalikes import Span, spans_of
 from savmap.graph.solver.judgement.reference_tests import off_by, solved_references
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.types import Floats, MapWarning, ReferenceUse
@@ -55,13 +54,11 @@ the units in at most such a share of cases: a mistake in reading, typing or of t
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """The problem without the references that are wrong; where it is not clear which one is, with all of them as uncertain as they
-    contradict one another. `mistaken`: references that are right, but something else was taken for their landmark. Notes for the user,
-    what remains doubtful, and errors of references that nothing would notice. `given`: the problem with all references as they were given, where they
-    differ."""
+    """The problem without the references that are wrong; where it is not clear which one is, with all of them as
+    uncertain as they contradict one another. Notes for the user, warnings, and errors of references that nothing would
+    notice. `given`: the problem with all references as they were given, where they differ."""
 
     problem: Problem
-    mistaken: Names = frozenset()
     notes: tuple[str, ...] = ()
     warnings: tuple[MapWarning, ...] = ()
     unchecked: tuple[str, ...] = ()
@@ -98,8 +95,8 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
     wrong, or at all where the user wants that.
     """
-    agreed, spans = agreement(soft, problem, estimate, covariance), spans_of(problem, estimate)
-    explained = _merged(agreed, spans, _possible(problem, agreed, _explanations(problem, agreed, spans)))
+    agreed = agreement(soft, problem, estimate, covariance)
+    explained = _possible(problem, agreed, _explanations(problem, agreed))
     if explained and not explained[0]:
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
         return Judgement(problem, warnings=tuple(granted), unchecked=tuple(unchecked))
@@ -107,14 +104,10 @@ def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Cova
     suspects = _suspects(agreed, explained, clear)
     lines = [f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}" for name, out in suspects]
     wanted = problem.camera.references.on_contradiction
-    mistaken = _mistaken(agreed, explained[0], spans) if clear else frozenset[str]()
-    flat = frozenset(name for name in mistaken if spans[name].is_flat)
-    refused = wanted == "refuse" and not (clear and explained[0] == flat)
-    if not explained or refused or (not clear and _is_gross(agreed, suspects)):
+    if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
         raise contradiction(problem, "; or ".join(lines[:NAMED]))
     if clear:
-        found = _left_out(problem, estimate, agreed, explained[0], explained[0] - mistaken, wanted == "check")
-        return _with_mistaken(found, agreed, explained[0], mistaken, flat)
+        return _left_out(problem, estimate, agreed, explained[0], wanted == "check")
     return _uncertain(problem, agreed, suspects, lines)
 
 
@@ -124,23 +117,13 @@ def _presumed(problem: Problem, agreed: Agreement) -> Names:
     return frozenset(name for name, value in names.items() if agreed.rest(name)[0] > value)
 
 
-def _mistakable(agreed: Agreement, spans: Mapping[str, Span]) -> Names:
-    """References whose landmark looks odd, and would be usual were it where the reference says, as far as those of usual ones tell."""
-    odd = frozenset(name for name, span in spans.items() if span.is_odd())
-    told = {name: agreed.rest(name, odd) for name in odd}
-    return frozenset(
-        name
-        for name, (value, sigma) in told.items()
-        if sigma > KNOWN_M or not spans[name].is_odd(value - _given(agreed, name).value)
-    )
-
-
-def _explanations(problem: Problem, agreed: Agreement, spans: Mapping[str, Span]) -> list[Names]:
-    """The sets of references that may be wrong. Those passed over are taken for likelier than others where that leaves enough to check one another."""
-    mistakable = _presumed(problem, agreed) | _mistakable(agreed, spans)
-    explained = agreed.explanations(mistakable | _passed_over(problem, agreed))
+def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
+    """The sets of references that may be wrong. Those passed over are taken for likelier than others where that leaves
+    enough to check one another."""
+    presumed = _presumed(problem, agreed)
+    explained = agreed.explanations(presumed | _passed_over(problem, agreed))
     enough = all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained)
-    return explained if enough else agreed.explanations(mistakable)
+    return explained if enough else agreed.explanations(presumed)
 
 
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
@@ -189,28 +172,11 @@ def _is_nothing(agreed: Agreement, name: str, out: Names) -> bool:
     return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < _given(agreed, name).value / ABSURD
 
 
-def _merged(agreed: Agreement, spans: Mapping[str, Span], explained: list[Names]) -> list[Names]:
-    """One explanation instead of several where none of them says that a reference is wrong."""
-    union = frozenset[str]().union(*explained)
-    all_right = all(_mistaken(agreed, out, spans) == out for out in (*explained, union))
-    return [union] if explained and all_right else explained
-
-
-def _mistaken(agreed: Agreement, out: Names, spans: Mapping[str, Span]) -> Names:
-    """References of which something else was seen: it is odd, and would be usual were it where the reference says."""
-    odd = (name for name in out if name in spans and spans[name].is_odd())
-    return frozenset(
-        name for name in odd if not spans[name].is_odd(agreed.rest(name, out)[0] - _given(agreed, name).value)
-    )
-
-
-def _left_out(
-    problem: Problem, soft: Estimate, agreed: Agreement, out: Names, wrong: Names, doubted: bool
-) -> Judgement:
-    """Without the `wrong` ones of those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
+def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, warned: bool) -> Judgement:
+    """Without those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
     a note."""
     notes, warnings = list[str](), list[MapWarning]()
-    for name in sorted(wrong):
+    for name in sorted(out):
         relation = next((one for one in problem.relations if one.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         place = _place(problem, soft, relation)
@@ -222,33 +188,19 @@ def _left_out(
             notes.append(f"{line}; measure it again")
             harmless, details = False, (line, *_missing(problem, agreed, name, out))
             warning = _conflict(agreed, (name,), (name, out), details, place)
-        if doubted and not harmless:
+        if warned and not harmless:
             warnings.append(warning)
     if len(warnings) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
         line = f"{len(warnings)} of {len(agreed.all_names)} contradict the rest: check that they are of this row, and its `side`"
         warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
     warnings += _granted(problem, agreed, out)
     unchecked = tuple(_unchecked(problem, agreed, out))
-    return Judgement(without(problem, wrong), notes=tuple(notes), warnings=tuple(warnings), unchecked=unchecked)
+    return Judgement(without(problem, out), notes=tuple(notes), warnings=tuple(warnings), unchecked=unchecked)
 
 
 def _is_of_another(relation: Relation, otherwise: float) -> bool:
     """Whether something else was seen than what the reference is of: what hides the foot of an object, or the next one up."""
     return bool(relation.presumed or (relation.note_if_outlier and otherwise > relation.value + REFUTED_M))
-
-
-def _with_mistaken(found: Judgement, agreed: Agreement, out: Names, mistaken: Names, flat: Names) -> Judgement:
-    """With references that are used although something else was seen: that is sure where two landmarks are one (`flat`); otherwise it only
-    is the likeliest, whatever the user wants to do about wrong references."""
-    notes = [
-        f"what was seen as the edge of `{name}` is something else: the given value is used" for name in sorted(flat)
-    ]
-    odd = {
-        name: f"{_line(agreed, name, out)}: it is used, for what was seen looks odd" for name in sorted(mistaken - flat)
-    }
-    warnings = tuple(_conflict(agreed, (name,), (name, out), (line,)) for name, line in odd.items())
-    notes += odd.values()
-    return replace(found, mistaken=mistaken, notes=(*found.notes, *notes), warnings=(*found.warnings, *warnings))
 
 
 def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Tests of each reference against the rest: Baarda's test, and references that contradict all measurements."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -137,16 +137,14 @@ def refuse_contradiction(problem: Problem, tests: list[ReferenceTest]) -> None:
         raise contradiction(problem, lines)
 
 
-def refuse_unseen(problem: Problem, fit: Fit, mistaken: Collection[str] = ()) -> None:
-    """Raises SolveError where references fit only because all measurements of their landmarks were rejected, other than those that are
-    known to be of something else (`mistaken`): another reference is grossly wrong and has won."""
+def refuse_unseen(problem: Problem, fit: Fit) -> None:
+    """Raises SolveError where references fit only because all measurements of their landmarks were rejected: another
+    reference is grossly wrong and has won."""
     seen, used = (np.bincount(keys, minlength=len(problem.keys)) for keys in (problem.at_key, problem.at_key[fit.kept]))
     lost = [
         relation.name
         for relation in problem.relations
-        if relation.name
-        and relation.name not in mistaken
-        and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
+        if relation.name and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
     ]
     if len(lost) >= UNSEEN:
         raise contradiction(problem, f"nothing that was seen of {', '.join(lost[:3])} fits the others")
