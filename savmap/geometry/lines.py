@@ -16,6 +16,7 @@ ROUNDS = 3
 BIWEIGHT = 4.685
 LEAST_SIGMA_PX = 0.08
 MOST_CORRELATION = 0.95
+STEEPEST = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +65,17 @@ class Lines:
         return grown
 
 
-def robust_lines(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance_px: float) -> Lines:
-    """Lines through the points (n,) of each group 0..g-1, robust to any minority of other points; nan for a group
-    without points.
-
-    `about` are slopes (g,) to be expected and how far from them to look.
+def robust_lines(group: Ints, u: Floats, v: Floats, count: int, tolerance_px: float) -> Lines:
+    """Lines through the points (n,) of each group 0..count-1, no steeper than `STEEPEST`, robust to any minority of
+    other points; nan for a group without points.
 
     A vote of point pairs (most points within `tolerance_px`) starts a reweighted least-squares fit (Tukey's biweight).
     Where there are no outliers it is the least-squares line of the paper (section III.C, Fig. "Boundary detection").
     """
-    count = len(about[0])
     if (np.diff(group) < 0).any() or (np.diff(u)[np.diff(group) == 0] < 0).any():
         order = np.lexsort((u, group))
         group, u, v = group[order], u[order], v[order]
-    slope, offset = _voted(group, u, v, about, tolerance_px)
+    slope, offset = _voted(group, u, v, count, tolerance_px)
     centre, sigma = np.zeros(count), np.full(count, tolerance_px / 3)
     residual = v - offset[group] - slope[group] * u
     weight = np.ones(len(u))
@@ -123,22 +121,6 @@ def crossing_covariance(level: Lines, upright: Lines, points: Floats, least_px: 
     return covariance
 
 
-def convergence(lines: Lines) -> float:
-    """How much lines through a common vanishing point change slope, per pixel of their v at u = 0.
-
-    Such lines obey slope = c + k v(0); k is 0 for parallels. The median over all pairs (Theil-Sen) is not misled by a
-    minority of other lines. 0 for fewer than 3 lines, and if v(0) hardly differs among them.
-    """
-    if len(lines) < 3:
-        return 0.0
-    first, second = np.triu_indices(len(lines), 1)
-    distance = lines.at_zero[second] - lines.at_zero[first]
-    far = np.abs(distance) > 0.25 * np.ptp(lines.at_zero)
-    if np.ptp(lines.at_zero) < 1:
-        return 0.0
-    return float(np.median((lines.slope[second] - lines.slope[first])[far] / distance[far]))
-
-
 def _sums(group: Ints, values: Floats, count: int) -> Floats:
     return np.bincount(group, values, count).astype(np.float64)
 
@@ -148,9 +130,8 @@ def _sums_or_nan(group: Ints, values: Floats, count: int) -> Floats:
     return np.where(sums > 1e-9, sums, np.nan)
 
 
-def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], tolerance: float) -> tuple[Floats, Floats]:
+def _voted(group: Ints, u: Floats, v: Floats, count: int, tolerance: float) -> tuple[Floats, Floats]:
     """Slope and v at u = 0 (count,) of the line through two of `SAMPLES` points of each group that most support."""
-    count = len(about[0])
     if not len(u):
         return np.zeros(count), np.zeros(count)
     sizes = np.bincount(group, minlength=count)
@@ -164,7 +145,7 @@ def _voted(group: Ints, u: Floats, v: Floats, about: tuple[Floats, float], toler
     offset = vs[:, first] - slope * us[:, first]
     residual = vs[:, None, :] - offset[..., None] - slope[..., None] * us[:, None, :]
     vote = np.square(np.maximum(0.0, 1 - np.square(residual / tolerance))).sum(axis=-1)
-    best = np.argmax(np.where((np.abs(slope - about[0][:, None]) <= about[1]) & (run > 0), vote, -1.0), axis=1)
+    best = np.argmax(np.where((np.abs(slope) <= STEEPEST) & (run > 0), vote, -1.0), axis=1)
     rows = np.arange(count)
     return slope[rows, best], offset[rows, best]
 

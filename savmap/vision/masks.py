@@ -20,6 +20,7 @@ NEAR_PX = 15
 """How wide and high the window is in which the largest probability is looked for: a faint member's width, and less than
 what lies between members."""
 Bytes = NDArray[np.uint8]
+Numbers = NDArray[np.uint16]
 LEVEL = 0.5
 REACH_PX = 3
 
@@ -108,46 +109,34 @@ def runs_of(mask: Bytes) -> Runs:
     return Runs(column, first, change[1::2] % (height + 2) - 1)
 
 
-def union_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> Bytes:
-    """The union (h, w) of masks, without those that share more than `share` of their area with longer ones.
+def numbers_of_longest(masks: Sequence[Bools], share: float, dimension: int) -> Numbers:
+    """At each pixel (h, w) the number of the mask that it belongs to, from 1, the longest one; 0 where there is none.
+    Masks that share more than `share` of their area with longer ones are left out.
 
     Length is measured from column to column (`dimension` 0) or from row to row (1). Overlapping masks of one object are
     the second of the published mask errors (paper, section III-C).
     """
-    layers = np.zeros(masks[0].shape, dtype=np.uint8)
-    for mask in masks:
-        cv2.add(layers, mask.view(np.uint8), dst=layers)
-    if layers.max() <= 1:
-        return layers
+    numbers: Numbers = np.zeros(masks[0].shape, np.uint16)
     areas = [int(np.count_nonzero(mask)) for mask in masks]
     lengths = [cv2.boundingRect(mask.view(np.uint8))[2 + dimension] for mask in masks]
-    union = np.zeros_like(masks[0])
     for index in sorted(range(len(masks)), key=lambda i: (-lengths[i], -areas[i], i)):
-        if np.count_nonzero(masks[index] & union) <= share * areas[index]:
-            union |= masks[index]
-    return union.view(np.uint8)
+        free = masks[index] & (numbers == 0)
+        if areas[index] - np.count_nonzero(free) <= share * areas[index]:
+            numbers[free] = index + 1
+    return numbers
 
 
-def separated(mask: Bytes, least_px: int, most_thick: float) -> tuple[Runs, Ints]:
-    """The runs down the columns of a mask (h, w), and the connected region (n,), from 1, that each is part of.
+def numbered_runs(numbers: Numbers, least_px: int, most_thick: float) -> tuple[Runs, Ints]:
+    """The runs down the columns of masks (h, w), and the number (n,) of the mask that the middle of each belongs to.
 
-    Regions of fewer than `least_px` columns are left out, and so are runs that bridge objects: those more than
-    `most_thick` times as thick as their region's median.
+    What goes on for fewer than `least_px` columns is left out, and so are runs that bridge objects: those more than
+    `most_thick` times as thick as their mask's median.
     """
-    long = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), dtype=np.uint8)), dtype=np.uint8)
-    runs = runs_of(long)
-    region = _regions(long, runs)
-    bridging = runs.thickness > most_thick * _medians(region, runs.thickness)[region] + 2
-    if not bridging.any():
-        return runs, region
-    tall, runs = runs[bridging], runs[~bridging]
-    for column, first, last in zip(tall.column, tall.first, tall.last, strict=True):
-        long[first : last + 1, column] = 0
-    return runs, _regions(long, runs)
-
-
-def _regions(mask: Bytes, runs: Runs) -> Ints:
-    return region_labels(mask)[runs.first, runs.column].astype(np.int64)
+    mask = (numbers > 0).astype(np.uint8)
+    runs = runs_of(np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((1, least_px), np.uint8)), np.uint8))
+    number = numbers[(runs.first + runs.last) // 2, runs.column].astype(np.int64)
+    thin = runs.thickness <= most_thick * _medians(number, runs.thickness)[number] + 2
+    return runs[thin], number[thin]
 
 
 def _medians(group: Ints, values: Ints) -> Ints:

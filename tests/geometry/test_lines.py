@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from savmap.geometry.lines import Lines, convergence, crossing, crossing_covariance, robust_lines, where
+from savmap.geometry.lines import Lines, crossing, crossing_covariance, robust_lines, where
 
 
 def points(
@@ -12,7 +12,7 @@ def points(
 
 
 def line_of(u: np.ndarray, v: np.ndarray) -> Lines:
-    return robust_lines(np.zeros(len(u), dtype=np.int64), u, v, (np.zeros(1), 1.0), 1.0)
+    return robust_lines(np.zeros(len(u), dtype=np.int64), u, v, 1, 1.0)
 
 
 def exact(slope: list[float], at_zero: list[float], variance: float = 0.01) -> Lines:
@@ -44,18 +44,18 @@ def test_groups_do_not_mix_whatever_their_order() -> None:
     group = np.repeat([1, 0], [120, 40])
     order = np.random.default_rng(1).permutation(160)
     u, v = (np.concatenate(pair)[order] for pair in zip(first, second, strict=True))
-    lines = robust_lines(group[order], u, v, (np.zeros(2), 1.0), 1.0)
+    lines = robust_lines(group[order], u, v, 2, 1.0)
     np.testing.assert_allclose(lines.slope, [-0.2, 0.1], atol=1e-9)
     np.testing.assert_allclose(lines.at_zero, [300.0, 10.0], atol=1e-6)
 
 
 def test_a_group_without_points_is_no_line() -> None:
     u, v = points(0.1, 10.0)
-    lines = robust_lines(np.full(len(u), 1, dtype=np.int64), u, v, (np.zeros(3), 1.0), 1.0)
+    lines = robust_lines(np.full(len(u), 1, dtype=np.int64), u, v, 3, 1.0)
     assert np.isnan(lines.slope).tolist() == [True, False, True]
     assert lines.inliers.tolist() == [0, 120, 0]
     for count in (0, 2):
-        lines = robust_lines(np.zeros(0, dtype=np.int64), *np.zeros((2, 0)), (np.zeros(count), 1.0), 1.0)
+        lines = robust_lines(np.zeros(0, dtype=np.int64), *np.zeros((2, 0)), count, 1.0)
         assert np.isnan(lines.slope).all()
         assert lines.inliers.tolist() == [0] * count
 
@@ -95,15 +95,6 @@ def test_the_covariance_of_a_crossing_comes_from_both_lines() -> None:
     )
     floored = crossing_covariance(exact([0.0], [50.0]), exact([0.0], [300.0]), at, 0.3)
     np.testing.assert_allclose(floored[0], 0.09 * np.eye(2), atol=1e-12)
-
-
-def test_convergence_is_that_of_the_common_vanishing_point() -> None:
-    at_zero = np.array([20.0, 100.0, 180.0, 300.0, 400.0])
-    slope = (240.0 - at_zero) / 800.0
-    slope[1] += 0.2
-    assert convergence(exact(list(slope), list(at_zero))) == pytest.approx(-1 / 800.0)
-    assert convergence(exact([0.1, 0.2], [0.0, 90.0])) == 0.0
-    assert convergence(exact([0.1, 0.2, 0.3], [5.0, 5.0, 5.0])) == 0.0
 
 
 def test_where_picks_line_by_line() -> None:

@@ -12,10 +12,10 @@ from savmap.vision.masks import (
     connected_regions,
     enveloped,
     hysteresis,
+    numbered_runs,
+    numbers_of_longest,
     region_labels,
     runs_of,
-    separated,
-    union_of_longest,
 )
 
 HYSTERESIS = Thresholds(0.5, 0.3, 0.75)
@@ -37,8 +37,8 @@ def test_runs_are_listed_by_column_and_row_up_to_the_borders() -> None:
 
 
 def test_an_empty_mask_has_no_runs() -> None:
-    runs, region = separated(np.zeros((20, 30), dtype=np.uint8), 5, 3.0)
-    assert len(runs.column) == len(region) == 0
+    runs, number = numbered_runs(np.zeros((20, 30), np.uint16), 5, 3.0)
+    assert len(runs.column) == len(number) == 0
 
 
 def bars(*boxes: tuple[int, int, int, int], shape: tuple[int, int] = (60, 80)) -> np.ndarray:
@@ -48,33 +48,33 @@ def bars(*boxes: tuple[int, int, int, int], shape: tuple[int, int] = (60, 80)) -
     return mask
 
 
-def test_bridge_between_two_bars_is_removed() -> None:
-    mask = bars((10, 15, 0, 80), (40, 45, 0, 80), (10, 45, 30, 45))
-    runs, region = separated(mask.view(np.uint8), 5, 3.0)
+def test_what_is_far_thicker_than_its_mask_usually_is_is_left_out() -> None:
+    mask = bars((10, 15, 0, 80), (10, 45, 30, 45))
+    runs, number = numbered_runs(mask.astype(np.uint16), 5, 3.0)
     assert runs.thickness.max() == 5
-    assert not set(region[runs.first < 20]) & set(region[runs.first >= 20])
+    assert set(number.tolist()) == {1}
     assert not ((runs.column >= 30) & (runs.column < 45)).any()
 
 
 def test_specks_and_narrow_posts_are_left_out() -> None:
     mask = bars((10, 15, 0, 80), (30, 50, 20, 24), (55, 57, 60, 64))
-    runs, region = separated(mask.view(np.uint8), 5, 3.0)
-    assert len(np.unique(region)) == 1
+    runs, _ = numbered_runs(mask.astype(np.uint16), 5, 3.0)
     assert (runs.last < 15).all()
 
 
 @pytest.mark.parametrize("dimension", [0, 1])
 def test_of_overlapping_masks_the_longest_stays(dimension: int) -> None:
-    long, short, apart = bars((10, 15, 0, 70)), bars((12, 19, 20, 60)), bars((30, 35, 0, 40))
-    masks = [mask.T if dimension else mask for mask in (short, apart, long)]
-    union = union_of_longest(masks, 0.25, dimension)
-    expected = long | apart
-    np.testing.assert_array_equal(union.T if dimension else union, expected)
+    long, short, distant = bars((10, 15, 0, 70)), bars((12, 19, 20, 60)), bars((30, 35, 0, 40))
+    masks = [mask.T if dimension else mask for mask in (short, distant, long)]
+    numbers = numbers_of_longest(masks, 0.25, dimension)
+    np.testing.assert_array_equal(numbers.T if dimension else numbers, 3 * long + 2 * distant)
 
 
-def test_masks_that_hardly_overlap_are_joined() -> None:
+def test_masks_that_hardly_overlap_both_stay() -> None:
     halves = [bars((10, 15, 0, 42)), bars((10, 15, 38, 80))]
-    np.testing.assert_array_equal(union_of_longest(halves, 0.25, 0), halves[0] | halves[1])
+    numbers = numbers_of_longest(halves, 0.25, 0)
+    np.testing.assert_array_equal(numbers > 0, halves[0] | halves[1])
+    assert set(numbers.ravel().tolist()) == {0, 1, 2}
 
 
 def test_holes_are_bridged_part_by_part() -> None:

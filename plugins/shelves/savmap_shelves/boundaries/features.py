@@ -11,12 +11,10 @@ import numpy as np
 
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.types import Axis, Bools, Detection, Feature, Floats, Ints, Panorama, View
-from savmap.vision.masks import Probability, Runs, separated, union_of_longest
+from savmap.vision.masks import Probability, Runs, numbered_runs, numbers_of_longest
 from savmap_shelves.boundaries.measuring import measured_strips
-from savmap_shelves.boundaries.merging import strips_of
-from savmap_shelves.boundaries.perspective import askew, crossed, paralleled
 from savmap_shelves.boundaries.settings import BoundarySettings
-from savmap_shelves.boundaries.strips import Strips
+from savmap_shelves.boundaries.strips import Strips, strips_of
 
 CUT_MARGIN_PX = 2.0
 LEAST_SEPARATOR = 0.25
@@ -54,7 +52,7 @@ class Extraction:
 class Separators:
     """What may bound a bay, left to right: strips (s,), and which are uprights to be reported (s,).
 
-    Strips that are too short, cut or askew still end beams, but nothing is measured at them.
+    Strips that are too short or cut still end beams, but nothing is measured at them.
     """
 
     strips: Strips
@@ -95,16 +93,17 @@ def extract_features(
 
 
 def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
-    """Runs (n,) of a class's masks, duplicates left out, the region of each (n,), and the probability. Uprights lie transposed."""
+    """Runs (n,) of a class's masks, duplicates left out, the mask of each (n,), and the probability. Uprights lie
+    transposed."""
     settings, stands = extraction.settings, label == "upright"
     of_class = [detection for detection in detections if detection.label == label]
-    union, probability = np.zeros(extraction.size[::-1], np.uint8), np.zeros(extraction.size[::-1], np.float32)
+    numbers, probability = np.zeros(extraction.size[::-1], np.uint16), np.zeros(extraction.size[::-1], np.float32)
     if of_class:
-        union = union_of_longest([detection.mask for detection in of_class], settings.overlap, int(stands))
+        numbers = numbers_of_longest([detection.mask for detection in of_class], settings.overlap, int(stands))
         probability = of_class[0].probability
     if stands:
-        union, probability = cv2.transpose(union), cv2.transpose(probability)
-    return *separated(union, settings.least_run_px, settings.most_thick), probability
+        numbers, probability = cv2.transpose(numbers), cv2.transpose(probability)
+    return *numbered_runs(numbers, settings.least_run_px, settings.most_thick), probability
 
 
 def _separators(extraction: Extraction, detections: Sequence[Detection]) -> Separators:
@@ -115,12 +114,9 @@ def _separators(extraction: Extraction, detections: Sequence[Detection]) -> Sepa
 
 
 def sorted_separators(extraction: Extraction, strips: Strips, tall: float) -> Separators:
-    """Strips left to right, and which are uprights to be reported: long enough for a rack `tall` pixels high, and not askew."""
-    width, height = extraction.size
-    strips = strips[np.argsort(strips.either_upper.at(height / 2), kind="stable")]
-    kept = (strips.length >= extraction.settings.least_upright * tall) & strips.two_edged
-    kept[kept] = ~askew(strips[kept], (height, width), extraction.settings)
-    return Separators(strips, kept)
+    """Strips left to right, and which are uprights to be reported: long enough for a rack `tall` pixels high."""
+    strips = strips[np.argsort(strips.either_upper.at(extraction.size[1] / 2), kind="stable")]
+    return Separators(strips, (strips.length >= extraction.settings.least_upright * tall) & strips.two_edged)
 
 
 def _apparent_height(strips: Strips, extraction: Extraction) -> float:
@@ -130,33 +126,16 @@ def _apparent_height(strips: Strips, extraction: Extraction) -> float:
 
 
 def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators) -> Strips:
+    """The strips that may be beams, bay by bay from the left, each from the top."""
     runs, part, probability = _class_runs(extraction, detections, "beam")
     cell = _cells(runs, separators.strips)
     inside = cell >= 0
     strips = strips_of(runs[inside], part[inside], cell[inside], probability, extraction.settings)
-    return sorted_beams(extraction, strips, separators)
-
-
-def sorted_beams(extraction: Extraction, strips: Strips, separators: Separators) -> Strips:
-    """The strips that may be beams, bay by bay from the left, each from the top."""
-    settings, (width, height) = extraction.settings, extraction.size
-    long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
+    long = strips.length >= np.maximum(
+        extraction.settings.least_beam_px, extraction.settings.least_aspect * strips.thickness
+    )
     strips = strips[long & strips.two_edged]
-    strips = paralleled(strips[~askew(strips, (width, height), settings)], settings)
-    strips = strips[~crossed(strips, _section_ends(strips, separators))]
-    return strips[np.lexsort((strips.upper.at(width / 2), strips.cell))]
-
-
-def _section_ends(beams: Strips, separators: Separators) -> Floats:
-    """First and last x (p, 2) of beams that are extended to the uprights next to them."""
-    kept = np.append(separators.kept, False)
-    row = beams.upper.at((beams.first + beams.last) / 2)
-    ends = np.stack([beams.first, beams.last], axis=-1)
-    for end, number in ((0, beams.cell - 1), (1, np.minimum(beams.cell, len(separators.kept)))):
-        at = np.flatnonzero(kept[number])
-        edges = separators.strips.lower if end == 0 else separators.strips.upper
-        ends[at, end] = edges[number[at]].at(row[at])
-    return ends
+    return strips[np.lexsort((strips.upper.at(extraction.size[0] / 2), strips.cell))]
 
 
 def _cells(runs: Runs, separators: Strips) -> Ints:
@@ -204,7 +183,7 @@ def _line_ends(lines: Lines, u: Floats, extraction: Extraction) -> tuple[Floats,
 
 
 def beam_features(extraction: Extraction, beams: Strips, separators: Separators) -> Iterator[Feature]:
-    """Features of beams, which `sorted_beams` gives."""
+    """Features of beams."""
     instance = np.append(separators.instance, -1)
     left, right = instance[beams.cell - 1], instance[np.minimum(beams.cell, len(instance) - 1)]
     uprights = separators.strips[separators.kept]

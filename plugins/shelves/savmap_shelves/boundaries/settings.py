@@ -8,14 +8,9 @@ class BoundarySettings(BaseModel):
 
     - `least_upright`: uprights shorter than this share of the rack's height in the picture are dropped (paper: 5/8 of the
       picture's; of thin dark uprights a network often sees less).
-    - `plane_margin`: structures whose edges meet within the picture enlarged by this share are dropped (paper: 20 %).
-    - `askew_sigmas`: how many standard deviations beyond their noise they must do so.
     - `overlap`: a mask that shares more than this part of its area with a longer one is a duplicate.
     - `least_beam_px`: beams shorter than this are dropped; `least_aspect`: those less elongated, too.
     - `edge_tolerance_px`: how far a border may be from straight and still count for a line.
-    - `merge_tolerance_px`: how far fragments may be out of line and still be one structure.
-    - `parallel_sigma`: by how much the slopes of a structure's two edges may differ from parallel in perspective.
-    - `perspective_tolerance`: by how much edges may fail to lead to the picture's vanishing point (difference in slope).
     - `end_trim_px`: the rounded ends of masks that no edge is fitted to.
     - `least_run_px`: masks that run on for less are no edge; `most_thick`: neither are parts so many times thicker than the rest.
     - `least_sigma_px`: no mask's edge is claimed to be better known than this, and `least_measured_sigma_px`: none that was
@@ -28,15 +23,10 @@ class BoundarySettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     least_upright: float = Field(default=1 / 2, gt=0, le=1)
-    plane_margin: float = Field(default=0.2, ge=0)
-    askew_sigmas: float = Field(default=3.0, ge=0)
     overlap: float = Field(default=0.25, ge=0, le=1)
     least_beam_px: float = Field(default=20.0, gt=0)
     least_aspect: float = Field(default=1.5, ge=0)
     edge_tolerance_px: float = Field(default=1.0, gt=0)
-    merge_tolerance_px: float = Field(default=2.0, gt=0)
-    parallel_sigma: float = Field(default=0.003, gt=0)
-    perspective_tolerance: float = Field(default=0.015, gt=0)
     end_trim_px: float = Field(default=3.0, ge=0)
     least_run_px: int = Field(default=7, ge=1)
     most_thick: float = Field(default=3.0, gt=1)

@@ -19,24 +19,6 @@ LEAST_THICKNESS_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Borders:
-    """Border points of strips (n,): part, u, upper and lower v (nan where not known), probability inside."""
-
-    part: Ints
-    u: Floats
-    upper: Floats
-    lower: Floats
-    probability: Floats
-
-    def of(self, parts: Ints) -> "Borders":
-        """The points of some parts (distinct), which become 0, 1, ... in the order given."""
-        number = np.full(max(int(self.part.max(initial=-1)), int(parts.max(initial=-1))) + 1, -1)
-        number[parts] = np.arange(len(parts))
-        inside = number[self.part] >= 0
-        return Borders(number[self.part][inside], *(value[inside] for value in list(vars(self).values())[1:]))
-
-
-@dataclass(frozen=True, eq=False)
 class Strips:
     """p strips: lines of both edges; cell, first and last u and number of columns of the mask, mean probability (p,)."""
 
@@ -99,36 +81,23 @@ class Strips:
         return (np.minimum(self.upper.inliers, self.lower.inliers) >= least) & (self.thickness > LEAST_THICKNESS_PX)
 
 
-def borders_of(runs: Runs, part: Ints, probability: Probability, settings: BoundarySettings) -> Borders:
-    """Border points of the strips that runs (n,) of parts (n,) 0..p-1 belong to; nan at the strips' rounded ends."""
-    runs, part = enveloped(runs, part)
-    upper, lower = border_points(runs, probability)
-    u = runs.column.astype(np.float64)
-    inside = probability[((runs.first + runs.last) // 2), runs.column].astype(np.float64)
-    first, last = _spans(part, u, int(part.max(initial=-1)) + 1)
-    trim = np.minimum(settings.end_trim_px, (last - first) / 8)[part] if len(part) else u
-    ending = (u - first[part] < trim) | (last[part] - u < trim)
-    return Borders(part, u, np.where(ending, np.nan, upper), np.where(ending, np.nan, lower), inside)
-
-
-def _spans(part: Ints, u: Floats, count: int) -> tuple[Floats, Floats]:
+def strips_of(runs: Runs, part: Ints, cell: Ints, probability: Probability, settings: BoundarySettings) -> Strips:
+    """The strips that runs (n,) make: one for each `part` (n,) in each `cell` (n,); edges as robust least-squares
+    lines, which leave out the rounded ends."""
+    parts = int(part.max(initial=0)) + 1
+    keys, index = np.unique(cell * parts + part, return_inverse=True)
+    runs, index = enveloped(runs, index)
+    count, u = len(keys), runs.column.astype(np.float64)
     first, last = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(first, part, u)
-    np.maximum.at(last, part, u)
-    return first, last
-
-
-def fitted(borders: Borders, cell: Ints, settings: BoundarySettings, slopes: Floats | None = None) -> Strips:
-    """The strips (p,) that border points make, and the cells that they are in; edges as robust least-squares lines.
-
-    Where `slopes` (p,) are given, edges follow them within `perspective_tolerance`.
-    """
-    count = len(cell)
-    group = np.concatenate([borders.part, borders.part + count])
-    u, v = np.tile(borders.u, 2), np.concatenate([borders.upper, borders.lower])
+    np.minimum.at(first, index, u)
+    np.maximum.at(last, index, u)
+    trim = np.minimum(settings.end_trim_px, (last - first) / 8)[index]
+    inner = (u - first[index] >= trim) & (last[index] - u >= trim)
+    v = np.where(inner, border_points(runs, probability), np.nan).ravel()
     known = np.isfinite(v)
-    about = (np.zeros(2 * count), 1.0) if slopes is None else (np.tile(slopes, 2), settings.perspective_tolerance)
-    lines = robust_lines(group[known], u[known], v[known], about, settings.edge_tolerance_px)
-    columns = np.bincount(borders.part, minlength=count).astype(np.float64)
-    score = np.bincount(borders.part, borders.probability, count) / np.maximum(columns, 1)
-    return Strips(lines[:count], lines[count:], cell, *_spans(borders.part, borders.u, count), columns, score)
+    group = np.concatenate([index, index + count])
+    lines = robust_lines(group[known], np.tile(u, 2)[known], v[known], 2 * count, settings.edge_tolerance_px)
+    columns = np.bincount(index, minlength=count).astype(np.float64)
+    inside = probability[((runs.first + runs.last) // 2), runs.column].astype(np.float64)
+    score = np.bincount(index, inside, count) / np.maximum(columns, 1)
+    return Strips(lines[:count], lines[count:], keys // parts, first, last, columns, score)
