@@ -1,8 +1,8 @@
 """The camera's path along a face, up to scale, by what single frames show of its uprights (paper, section III.D).
 
-Uprights stand so far apart that a drifting path does not confuse them. Their attitude comes from vanishing points, the
-motion from frame to frame from the shift of their edges, and a fit to the uprights alone takes the drift out; then only
-the rise from frame to frame is chained.
+Uprights stand so far apart that a drifting path does not confuse them. The motion from frame to frame comes from the
+shift of their edges, and a fit to the uprights alone takes the drift out; then only the rise from frame to frame is
+chained.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,6 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Ints, RowFacts, Trajectory
-from savmap_shelves.tracking.attitudes import rectified
 from savmap_shelves.tracking.density import modes
 from savmap_shelves.tracking.odometry import frame_observations
 from savmap_shelves.tracking.passes import PassGrid, laid_on, transformed
@@ -20,24 +19,20 @@ from savmap_shelves.tracking.sightings import FaceSightings, Sightings, collect_
 from savmap_shelves.tracking.uprights import Uprights, find_uprights
 
 LEAST_FRAMES, LEAST_TRAVEL = 3, 0.2
-NEIGHBOUR_DEG, WHOLE_DEG = 1.0, 3.0
-"""How far attitudes may be off from frame to frame, and altogether."""
 LEVEL_KERNEL = 0.02
 """Of beams' heights, as a share of the distance from upright to upright."""
 
 
 def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
     """Poses of all frames before the face, z = 0, in the unit of the camera's distance from it. attitudes (n, 3, 3):
-    world_from_rig to a few degrees.
+    world_from_rig.
 
     Raises StructureError where the frames do not show a row: too few frames or uprights, hardly any motion, or passes
     with too few bays in common.
     """
     collected = collect_sightings(features, facts)
     _require_sightings(collected, facts)
-    begins = np.array([a != b for a, b in zip(facts.frames.passes, facts.frames.passes[1:], strict=False)], np.bool_)
-    neighbour = np.where(begins, np.inf, np.radians(NEIGHBOUR_DEG))
-    sightings = on_face(collected, rectified(collected, attitudes, neighbour, np.radians(WHOLE_DEG)))
+    sightings = on_face(collected, attitudes)
     spacing = sightings.upright_spacing()
     if not np.isfinite(spacing):
         raise StructureError(f"row {facts.name}: no picture shows two uprights; widen the view or check its direction")

@@ -17,7 +17,7 @@ from savmap_shelves.locate import locate
 
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=130.0)
 BACK = replace(VIEW, name="shelf back", yaw_deg=90.0)
-TURNED = 0.01
+TURNED = 0.001
 """rad; how far attitudes are off, in each axis."""
 Row = tuple[list[Feature], RowFacts, Floats, Floats]
 """Features, facts, attitudes (n, 3, 3), and the camera's true places (n, 3)."""

@@ -126,14 +126,17 @@ def _apparent_height(strips: Strips, extraction: Extraction) -> float:
 
 
 def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators) -> Strips:
-    """The strips that may be beams, bay by bay from the left, each from the top."""
     runs, part, probability = _class_runs(extraction, detections, "beam")
     cell = _cells(runs, separators.strips)
     inside = cell >= 0
     strips = strips_of(runs[inside], part[inside], cell[inside], probability, extraction.settings)
-    long = strips.length >= np.maximum(
-        extraction.settings.least_beam_px, extraction.settings.least_aspect * strips.thickness
-    )
+    return sorted_beams(extraction, strips)
+
+
+def sorted_beams(extraction: Extraction, strips: Strips) -> Strips:
+    """The strips that may be beams, bay by bay from the left, each from the top."""
+    settings = extraction.settings
+    long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
     strips = strips[long & strips.two_edged]
     return strips[np.lexsort((strips.upper.at(extraction.size[0] / 2), strips.cell))]
 

@@ -24,7 +24,6 @@ from savmap_shelves.boundaries.features import (
     sorted_separators,
     upright_edges,
 )
-from savmap_shelves.boundaries.merging import longest_only
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.boundaries.strips import Strips
 
@@ -91,11 +90,12 @@ def observed_features(
     settings = settings or BoundarySettings()
     frame = Extraction(_blank(spec, number), settings, settings.least_sigma_px)
     standing, lying = _strips(edges, "upright", sigma_px), _strips(edges, "beam", sigma_px)
-    separators = sorted_separators(frame, longest_only(standing), spec.height)
-    beams = sorted_beams(frame, longest_only(_in_cells(lying, separators)), separators)
+    uprights_of, beams_of = _truths(edges, "upright"), _truths(edges, "beam")
+    separators = sorted_separators(frame, standing[_longest(standing, uprights_of)], spec.height)
+    beams = sorted_beams(frame, _in_cells(lying[_longest(lying, beams_of)], separators))
     objects = {
-        "upright": _objects(separators.strips[separators.kept], standing, _truths(edges, "upright")),
-        "beam": _objects(beams, lying, _truths(edges, "beam")),
+        "upright": _objects(separators.strips[separators.kept], standing, uprights_of),
+        "beam": _objects(beams, lying, beams_of),
     }
     features = [*upright_edges(frame, separators), *beam_features(frame, beams, separators)]
     return [replace(feature, object=objects[feature.label][feature.instance]) for feature in features]
@@ -105,6 +105,14 @@ def _truths(edges: Sequence[ObservedEdge], label: str) -> list[str]:
     """The object of each mask of a class, in the order of `_strips`."""
     truths: Mapping[int, object] = {edge.instance: edge.truth for edge in edges if edge.label == label}
     return [truth.object if isinstance(truth, Truth) else "" for truth in truths.values()]
+
+
+def _longest(strips: Strips, objects: Sequence[str]) -> Ints:
+    """Numbers of the strips without duplicates: of each object's the longest, and all that are of none."""
+    best: dict[str, int] = {}
+    for number in np.argsort(strips.length, kind="stable").tolist():
+        best[objects[number] or f"none {number}"] = number
+    return np.array(sorted(best.values()), np.int64)
 
 
 def _objects(kept: Strips, masks: Strips, objects: Sequence[str]) -> list[str]:

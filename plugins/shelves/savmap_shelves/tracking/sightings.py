@@ -44,7 +44,7 @@ class Sightings:
 
     uprights (n, 2, 2): edge (left, right), end (top, bottom). corners (m, 2, 2): side (left, right), edge (lower, upper).
     bounds (m, 2): sightings of the uprights that a beam ends at (left, right).
-    edges (e, 2): both ends of each edge. edge_axis (e,): 0 for beams' edges, which follow x, 1 for uprights', which follow y.
+    edges (e, 2): both ends of each edge.
     """
 
     points: FeaturePoints
@@ -56,7 +56,6 @@ class Sightings:
     upright_view: Ints
     beam_frame: Ints
     edges: Ints
-    edge_axis: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +97,7 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
     points = feature_points(known, names)
     first = np.concatenate([[0], np.cumsum([len(f.pixels) for f in known])]).astype(np.int64)
     keys = [(f.frame, names.index(f.view), f.instance) for f in known]
-    edges = [
-        (row, row + 1, int(f.label == "upright")) for f, row in zip(known, first, strict=False) if len(f.pixels) == 2
-    ]
-    edge_rows = np.array(edges, dtype=np.int64).reshape(-1, 3)
+    edges = [(row, row + 1) for f, row in zip(known, first, strict=False) if len(f.pixels) == 2]
     uprights = _uprights(known, keys, first)
     corners, neighbours = _beams(known, keys, first)
     row_of = {key: index for index, key in enumerate(uprights)}
@@ -116,8 +112,7 @@ def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings
         upright_keys[:, 0],
         upright_keys[:, 1],
         beam_keys[:, 0],
-        edge_rows[:, :2],
-        edge_rows[:, 2],
+        np.array(edges, dtype=np.int64).reshape(-1, 2),
     )
 
 
@@ -152,15 +147,6 @@ def _beams(
             corners[key][place[feature.part]] = row
             neighbours[key] = [feature.neighbours.get(side, -1) for side in ("left", "right")]
     return {key: rows for key, rows in corners.items() if (rows >= 0).any()}, neighbours
-
-
-def rig_rays(points: FeaturePoints, views: Sequence[ViewSpec]) -> Floats:
-    """Unit rays (N, 3) in the rig frame."""
-    rays = np.zeros((len(points.frame), 3))
-    for index, view in enumerate(views):
-        inside = points.view == index
-        rays[inside] = view.rig_rays(points.pixels[inside])
-    return rays
 
 
 def tangents(points: FeaturePoints, views: Sequence[ViewSpec], world_from_rig: Floats, across: Bools) -> Tangents:
