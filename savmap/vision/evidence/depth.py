@@ -101,14 +101,14 @@ def depth_of(
 ) -> FlatDepth | None:
     """The depth of a plugin's flat parts, by its packed views of frames whose pose is known. None where the sections have no consensus."""
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
-    frames: Ints = np.unique(np.array([packed_view.frame for packed_view in known], np.int64))
-    mean = float(np.mean([poses[frame][flat.column, 3] for frame in frames.tolist()])) if known else 0.0
+    located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+    frames: Ints = np.unique(np.array([packed_view.frame for packed_view in located], np.int64))
+    mean = float(np.mean([poses[frame][flat.column, 3] for frame in frames.tolist()])) if located else 0.0
     chosen = np.unique(np.linspace(0, len(flat.parts) - 1, min(len(flat.parts), MOST_PARTS)).astype(int)).tolist()
-    cameras = np.array([poses[packed_view.frame][:3, 3] for packed_view in known]).reshape(-1, 3)
+    cameras = np.array([poses[packed_view.frame][:3, 3] for packed_view in located]).reshape(-1, 3)
     shots = {
         n: [
-            Shot.of(known[k], views[known[k].view], poses[known[k].frame], flat.parts[n])
+            Shot.of(located[k], views[located[k].view], poses[located[k].frame], flat.parts[n])
             for k in near_cameras(flat.parts[n], cameras)
         ]
         for n in chosen
@@ -262,20 +262,24 @@ def _shown(shots: Sequence[Shot], x: Floats, top: float, slack: float) -> Bools:
 
 
 def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
-    """The depth at which the correlation (k,) over depths (k,) peaks, between samples, and the peak's sharpness as a weight. None without a peak."""
-    best = int(correlation.argmax())
-    if not 0 < best < len(depths) - 1 or contrast[best] < LEAST_CONTRAST:
+    """The depth at which the correlation (k,) over depths (k,) peaks, and the peak's sharpness as a weight. None without a peak."""
+    top, peak = float(correlation.max()), summit(correlation)
+    if peak is None or top < LEAST_CORRELATION or top - float(np.median(correlation)) < LEAST_RISE:
         return None
-    top = float(correlation[best])
-    if top < LEAST_CORRELATION or top - float(np.median(correlation)) < LEAST_RISE:
-        return None
-    before, after = correlation[best - 1 : best + 2 : 2].tolist()
-    bend = 2 * top - before - after
-    if bend <= 0:
+    if contrast[int(correlation.argmax())] < LEAST_CONTRAST:
         return None
     step = depths[1] - depths[0]
-    depth = float(depths[best] + 0.5 * step * (after - before) / bend)
-    return depth, bend * (distance / step) ** 2 / (1.02 - min(top, 1.0))
+    return float(depths[0] + step * peak[0]), peak[1] * (distance / step) ** 2 / (1.02 - min(top, 1.0))
+
+
+def summit(curve: Floats) -> tuple[float, float] | None:
+    """Where a curve (n,) has its maximum, in samples and parts of one, and how much it bends there. None at the ends, or without a maximum."""
+    best = int(curve.argmax())
+    if not 0 < best < len(curve) - 1:
+        return None
+    before, top, after = curve[best - 1 : best + 2].tolist()
+    bend = 2 * top - before - after
+    return (best + 0.5 * (after - before) / bend, bend) if bend > 0 else None
 
 
 def consensus(votes: Sequence[Vote]) -> tuple[float, float, int] | None:

@@ -22,20 +22,20 @@ AROUND_PX, OUTSIDE_PX, HALF, BAND = 64.0, 2.0, 0.5, 0.15
 
 def outlines_in(view: ViewSpec, world_from_rig: Floats, objects: Sequence[FoundObject]) -> list[Outlined]:
     """The objects that a view shows a part of, each with its outline in it."""
-    outlines = [(thing, outline_in(view, world_from_rig, thing.outline)) for thing in objects]
-    return [(thing, outline) for thing, outline in outlines if outline is not None]
+    outlines = [(item, outline_in(view, world_from_rig, item.outline)) for item in objects]
+    return [(item, outline) for item, outline in outlines if outline is not None]
 
 
 def found_detections(
-    view: View, segmentation: Segmentation, world_from_rig: Floats, found: Sequence[FoundObject]
+    view: View, segmentation: Segmentation, world_from_rig: Floats, objects: Sequence[FoundObject]
 ) -> list[Detection]:
     """The regions of a view in which a network sees what is found, their borders no further from its outline's than `BAND` of its lesser
     thickness: beyond it is something else, and what is hidden within it is filled."""
     detections: list[Detection] = []
     for label, probability in zip(segmentation.classes, segmentation.maps[1:], strict=True):
         union, drawn = np.zeros_like(probability), list[tuple[float, NDArray[np.bool_]]]()
-        for thing in (thing for thing in found if thing.label == label):
-            outer, inner = (_shown(view.spec, world_from_rig, grown(thing.outline, by)) for by in (BAND, -BAND))
+        for item in (item for item in objects if item.label == label):
+            outer, inner = (_shown(view.spec, world_from_rig, grown(item.outline, by)) for by in (BAND, -BAND))
             part = _part_around(outer, probability.shape)
             if part is None:
                 continue
@@ -88,12 +88,13 @@ def features_of(
     features: Sequence[Feature], outlines: Sequence[Outlined], outside_px: float = OUTSIDE_PX
 ) -> list[Feature]:
     """The features of a view with the object of each: that of its class whose outline its instance lies farthest inside of."""
-    exact = [(thing, outline.astype(np.float32)) for thing, outline in outlines]
+    exact = [(item, outline.astype(np.float32)) for item, outline in outlines]
     pixels: dict[tuple[str, int], list[Floats]] = {}
     for feature in features:
         pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
     objects = {
-        key: _object_at(key[0], np.concatenate(own).mean(axis=0), exact, outside_px) for key, own in pixels.items()
+        key: _object_at(key[0], np.concatenate(pixel_groups).mean(axis=0), exact, outside_px)
+        for key, pixel_groups in pixels.items()
     }
     return [replace(feature, object=objects[feature.label, feature.instance]) for feature in features]
 
@@ -102,13 +103,13 @@ def _object_at(
     label: str, place: Floats, outlines: Sequence[tuple[FoundObject, NDArray[np.float32]]], outside_px: float
 ) -> str:
     """The id of the object of a class whose outline a place (2,) px is farthest inside of; empty where it is outside of all."""
-    best, found = -outside_px, ""
-    for thing, outline in outlines:
-        if thing.label == label:
+    best, name = -outside_px, ""
+    for item, outline in outlines:
+        if item.label == label:
             inside = cv2.pointPolygonTest(outline, (float(place[0]), float(place[1])), True)
             if inside > best:
-                best, found = inside, thing.id
-    return found
+                best, name = inside, item.id
+    return name
 
 
 def within_picture(outline: Floats, shape: tuple[int, ...]) -> Floats:
@@ -129,9 +130,9 @@ def _cut(outline: Floats, inside: Floats) -> Floats:
     """The part (m, 2) of an outline (n, 2) where `inside` (n,), which is linear along its sides, is not negative."""
     kept: list[Floats] = []
     ends = zip(outline, np.roll(outline, -1, axis=0), inside, np.roll(inside, -1), strict=True)
-    for first, second, here, there in ends:
-        if here >= 0:
+    for first, second, before, after in ends:
+        if before >= 0:
             kept.append(first)
-        if (here >= 0) != (there >= 0):
-            kept.append(first + here / (here - there) * (second - first))
+        if (before >= 0) != (after >= 0):
+            kept.append(first + before / (before - after) * (second - first))
     return np.array(kept).reshape(-1, 2)

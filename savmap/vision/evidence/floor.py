@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from savmap.types import Floats, PlanePatch, Track, Trajectory, ViewSpec, array_record
-from savmap.vision.evidence.depth import Shot, Singles, Sweep, near_cameras
+from savmap.vision.evidence.depth import Shot, Singles, Sweep, near_cameras, summit
 from savmap.vision.evidence.planes import PackedView
 
 LABEL = "floor"
@@ -66,7 +66,7 @@ class Fineness:
         return 1 + np.arange(-self.reach, self.reach + self.step / 2, self.step)
 
 
-COARSE, FINER, FINE = Fineness(0.16, 0.024, 4, 2), Fineness(0.16, 0.012, 4, 2), Fineness(0.048, 0.004, 2, 1)
+COARSE, FINE = Fineness(0.16, 0.024, 4, 2), Fineness(0.06, 0.004, 2, 1)
 MOST_KEPT = 160
 """Pictures that are kept unpacked: 50 MB of the fine sweep's."""
 
@@ -167,22 +167,25 @@ class Floor:
     ) -> "Floor | None":
         """The floor before a face, in pictures whose pose is known; None where there are none, or where they are of the other side."""
         poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-        known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
-        floor = cls(face, known, views, poses) if known else None
+        located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+        floor = cls(face, located, views, poses) if located else None
         return floor if floor and floor.away > 0 else None
 
     def measured(self, about: float | None = None) -> FloorHeight | None:
         """Where the floor is: near a height that is given, or else wherever. None where the pictures do not tell."""
-        return (self._near(about) if about is not None else None) or self._near(self.rough_height())
+        near = None if about is None else self._near(about)
+        if near is None and (rough := self.rough_height()) is not None:
+            near = self._near(rough)
+        return near
 
-    def _near(self, rough: float | None) -> FloorHeight | None:
-        found = None if rough is None else self.height(rough)
-        if found is None or found[1] > MOST_SIGMA:
+    def _near(self, rough: float) -> FloorHeight | None:
+        height = self.height(rough)
+        if height is None or height[1] > MOST_SIGMA:
             return None
-        return FloorHeight(self.level - found[0] * self.away, *found)
+        return FloorHeight(self.level - height[0] * self.away, *height)
 
     def rough_height(self) -> float | None:
-        """The height of the camera over the floor, to a step of the finer sweep about the best of the coarse ones. None without a clear peak."""
+        """The height of the camera over the floor, to a step of the coarse sweep. None without a clear peak."""
         curves = {height: _mean(groups) for height in HEIGHTS if (groups := self.correlations(height, COARSE))}
         if not curves:
             return None
@@ -192,10 +195,7 @@ class Floor:
         others = correlation[np.abs(np.log(tried / tried[best])) > OTHER]
         if not len(others) or correlation[best] <= LEAST_RATIO * others.max():
             return None
-        about = [height for height in curves if abs(tried[best] / height - 1) < FINER.reach]
-        finer = np.array([_mean(self.correlations(height, FINER)) for height in about])
-        which, share = np.unravel_index(finer.argmax(), finer.shape)
-        return float(about[which] * FINER.shares[share])
+        return float(tried[best])
 
     def height(self, rough: float) -> tuple[float, float] | None:
         """The height of the camera over the floor, and its sigma as a share of it. None where parts of the floor disagree."""
@@ -203,11 +203,11 @@ class Floor:
         total = sum((curve for curve, _ in groups.values()), np.zeros(len(FINE.shares)))
         peak = _peak(total)
         sigmas = [_jackknife(groups, which, total) for which in (0, 1)]
-        known = [sigma for sigma in sigmas if sigma is not None]
+        finite = [sigma for sigma in sigmas if sigma is not None]
         count = sum(count for _, count in groups.values())
-        if peak is None or len(known) < len(sigmas) or total.max() - np.median(total) < LEAST_RISE * count:
+        if peak is None or len(finite) < len(sigmas) or total.max() - np.median(total) < LEAST_RISE * count:
             return None
-        return rough * peak, max(known)
+        return rough * peak, max(finite)
 
     def correlations(self, height: float, fineness: Fineness) -> dict[tuple[int, int], tuple[Floats, int]]:
         """By stretch of the row and strip of the floor: the correlation (n,) at the sweep's heights about `height`, summed over sections, and
@@ -315,13 +315,9 @@ def _mean(groups: Mapping[tuple[int, int], tuple[Floats, int]]) -> Floats:
 
 
 def _peak(curve: Floats) -> float | None:
-    """The share at which a curve (n,) over the fine sweep has its maximum, between samples. None at the ends, or without a maximum."""
-    best = int(curve.argmax())
-    if not 0 < best < len(curve) - 1:
-        return None
-    before, top, after = curve[best - 1 : best + 2].tolist()
-    bend = 2 * top - before - after
-    return float(FINE.shares[best] + 0.5 * FINE.step * (after - before) / bend) if bend > 0 else None
+    """The share at which a curve (n,) over the fine sweep has its maximum. None without one."""
+    peak = summit(curve)
+    return None if peak is None else float(FINE.shares[0] + FINE.step * peak[0])
 
 
 def _jackknife(groups: Mapping[tuple[int, int], tuple[Floats, int]], which: int, total: Floats) -> float | None:

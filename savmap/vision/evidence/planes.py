@@ -102,13 +102,15 @@ def gather(
     A view is weighted by the solid angle under which it shows a cell: near frontal views count more than far oblique ones.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    known = [packed_view for packed_view in packed_views if packed_view.frame in poses]
+    located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
     chosen = (
-        np.unique(np.linspace(0, len(known) - 1, min(len(known), MOST_VIEWS)).astype(int)).tolist() if known else []
+        np.unique(np.linspace(0, len(located) - 1, min(len(located), MOST_VIEWS)).astype(int)).tolist()
+        if located
+        else []
     )
     sums = _Sums(patch, len(classes))
     for index in chosen:
-        sums.add(known[index], views[known[index].view], poses[known[index].frame])
+        sums.add(located[index], views[located[index].view], poses[located[index].frame])
     return sums.evidence(tuple(classes))
 
 
