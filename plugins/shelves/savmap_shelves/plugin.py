@@ -112,8 +112,7 @@ class Shelves:
         from savmap_shelves.evidence import face_patch, tracked_grid
 
         grid = tracked_grid(points)
-        patch = face_patch(grid) if grid else None
-        return [patch] if patch else []
+        return [face_patch(grid)] if grid else []
 
     @hookimpl
     def flat_parts(self, points: Mapping[str, Floats]) -> list[FlatParts]:

@@ -8,12 +8,6 @@ import numpy as np
 from savmap.types import Floats, PlanePatch
 
 FACE = "face"
-CELLS_ACROSS = 5.0
-"""How many cells of the patch the thinnest members are wide."""
-BEYOND = 1.3
-"""How many usual bays the patch reaches beyond the outermost posts: one more bay fits."""
-MOST_SIDE, MOST_CELLS = 2**15 - 1, 20_000_000
-"""What OpenCV samples at once, and what memory holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +32,6 @@ class Grid:
     def bay(self) -> float:
         """The usual distance from post to post."""
         return float(np.median(np.diff(self.posts.mean(axis=1))))
-
-    @property
-    def top(self) -> float:
-        """The highest edge."""
-        return float(max(levels.max() for levels in self.sections if len(levels)))
 
 
 def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
@@ -85,24 +74,9 @@ def _levels_of(rows: Mapping[tuple[int, int, int], Sequence[float]], section: in
     return np.array(edges).reshape(-1, 2)
 
 
-def face_patch(grid: Grid) -> PlanePatch | None:
-    """The face around a grid, with room for a bay at either end and for a level above, in cells of a fifth of a post.
-
-    None where the number of cells is impossible for a face: the grid is wrong, for instance of frames on both sides of a cut.
-    """
-    low, high = _reach_up(grid)
-    left, right = grid.posts[0, 0] - BEYOND * grid.bay, grid.posts[-1, 1] + BEYOND * grid.bay
-    cell = min(grid.width, grid.thickness) / CELLS_ACROSS
-    origin, size = np.array([left, low, 0.0]), np.array([right - left, high - low])
-    if not (np.isfinite(size).all() and min(*size, cell) > 0):
-        return None
-    patch = PlanePatch(FACE, origin, np.eye(3)[0], np.eye(3)[1], size, cell)
-    rows, columns = patch.shape
-    return patch if max(rows, columns) < MOST_SIDE and rows * columns <= MOST_CELLS else None
-
-
-def _reach_up(grid: Grid) -> tuple[float, float]:
-    """Lowest and highest y of the patch."""
-    bottom = min(float(levels.min()) for levels in grid.sections if len(levels))
-    room = 0.3 * (grid.top - bottom) + 2 * grid.thickness
-    return bottom - room, grid.top + room
+def face_patch(grid: Grid) -> PlanePatch:
+    """The face around a grid, with room for a bay on all sides."""
+    levels = np.concatenate([*grid.sections])
+    low = np.array([grid.posts[0, 0], levels.min()]) - grid.bay
+    high = np.array([grid.posts[-1, 1], levels.max()]) + grid.bay
+    return PlanePatch(FACE, np.append(low, 0.0), np.eye(3)[0], np.eye(3)[1], high - low, grid.thickness)

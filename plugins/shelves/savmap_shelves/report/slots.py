@@ -9,7 +9,7 @@ import numpy as np
 
 from savmap.maps.exports.frames import alignment_of, in_site, in_world
 from savmap.types import Attribute, Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, array_record
-from savmap_shelves.mapping import USUAL_RACK_DEPTH_M, mean_of, number_of
+from savmap_shelves.mapping import BEAM_CORNERS, RING, USUAL_RACK_DEPTH_M, mean_of, number_of
 
 FRAMES = ("world", "row")
 FLOOR = Measured(0.0, 0.0)
@@ -253,9 +253,7 @@ def _level(sign: Structure, bay: Bay) -> int:
     return sum(edge(beam, 1, "lower").value <= middle for beam in bay.beams)
 
 
-RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 UPRIGHT_LINE = np.array([[0, 1]])
-CORNERS = ("lower left", "lower right", "upper left", "upper right")
 ENDS = ("lower", "upper")
 FLOOR_OPENING = "floor opening"
 """What stands on the floor shares the error of the row's height, which no other opening has."""
@@ -325,7 +323,7 @@ def _structure(
     attributes: Mapping[str, Attribute],
 ) -> Structure:
     """A rectangle in the face, or, of a single x, an upright line."""
-    labels, edges = (CORNERS, RING) if len(xs) == 2 else (ENDS, UPRIGHT_LINE)
+    labels, edges = (BEAM_CORNERS, RING) if len(xs) == 2 else (ENDS, UPRIGHT_LINE)
     corners = [(x, y, z) for y in ys for x in xs]
     return Structure(
         name,
