@@ -110,7 +110,7 @@ def test_corners_alone_do_not_place_beams(rack: made.World) -> None:
     late = [replace(end, frames=end.frames + 1000) for end in ends]
     start = made.begin(rack)
     shared = {
-        end: share_edges([corner, *others], rack.facts.views, start, two_planes=True)[0][0]
+        end: share_edges([corner, *others], rack.facts.views, start)[0][0]
         for end, others in (("seen", late), ("never", []))
     }
     grown = {end: _across(track, corner) for end, track in shared.items()}

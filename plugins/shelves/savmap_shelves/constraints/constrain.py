@@ -173,15 +173,12 @@ def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) 
 
 def grid_settings(config: ShelvesSettings) -> GridSettings:
     """What a site file says of a rack seen by the plugin's network."""
-    height, pitch = config.lowest_beam_bottom_height_m, config.bay_pitch_m
-    return GridSettings(
-        lowest_beam_bottom_height_m=height.values if height else None,
-        sigma_m=height.sigma if height else 0.002,
-        beam_setback_m=config.beam_setback_m,
-        bay_pitch_m=pitch.value if pitch else None,
-        bay_pitch_sigma_m=pitch.sigma if pitch else 0.003,
-        bias=PICTURES,
-    )
+    settings = GridSettings(beam_setback_m=config.beam_setback_m, bias=PICTURES)
+    if height := config.lowest_beam_bottom_height_m:
+        settings = replace(settings, lowest_beam_bottom_height_m=height.values, sigma_m=height.sigma)
+    if pitch := config.bay_pitch_m:
+        settings = replace(settings, bay_pitch_m=pitch.value, bay_pitch_sigma_m=pitch.sigma)
+    return settings
 
 
 def constrain(
@@ -224,8 +221,7 @@ def _weighted(
 ) -> tuple[list[Track], dict[str, Floats]]:
     """Tracks with the covariances for the solve, and what each observation is worth, as in `share_edges`."""
     if settings.corners == "lines":
-        two_planes = settings.beam_setback_m != 0 or settings.beam_setback_sigma_m > 0
-        return share_edges(tracks, facts.views, start, two_planes=two_planes)
+        return share_edges(tracks, facts.views, start)
     points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
     bare = {column for column, names in grid.columns.items() if not any(n.startswith("bay") for n in names)}
     return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}

@@ -13,32 +13,26 @@ APART = 1e6
 
 
 def share_edges(
-    tracks: Sequence[Track], views: Mapping[str, ViewSpec], start: Trajectory, two_planes: bool = False
+    tracks: Sequence[Track], views: Mapping[str, ViewSpec], start: Trajectory
 ) -> tuple[list[Track], dict[str, Floats]]:
     """Tracks with inflated covariances, and what each observation is worth in equations (for `observe`).
 
-    Where n corners and the upright's ends are seen on one edge in one view, the corners' variance along the beam (which
-    is the upright's, across it) grows 2n times and the ends' 2 times; n times where only corners were seen.
-    `two_planes`: beams and uprights lie on different planes. Corners then say nothing along the beam where the ends of
-    the upright's edge are seen in any view: corners of a thousand pixels, however faint, would hold the beams to the
-    face plane, and so would a dozen good ones.
+    Where n corners are seen on one edge in one view, their variance along the beam (which is the upright's, across it)
+    grows n times. Beams and uprights lie on different planes: corners say nothing along the beam where the ends of the
+    upright's edge are seen in any view. A thousand corners, however faint, would hold the beams to the face plane, and
+    so would a dozen good ones.
     """
     corners = Counter(line for track in tracks if track.label == "beam" for line in _lines(track))
-    ends = Counter(line for track in tracks if track.label != "beam" for line in _lines(track))
-    placed = {column for _, _, column in ends} if two_planes else set[Column]()
+    placed = {column_of(track) for track in tracks if track.label != "beam"}
     shared, worth = [], {}
     for track in tracks:
-        lines = _lines(track)
         if track.label == "beam":
-            shares = np.array([corners[line] for line in lines])
-            with_ends = np.array([ends[line] > 0 or line[2] in placed for line in lines])
-            count = np.where(with_ends, shares * (APART if two_planes else 2.0), shares)
+            count = np.array([corners[line] * (APART if line[2] in placed else 1.0) for line in _lines(track)])
             shared.append(_stretched(track, count, directions(track, views, start)))
             worth[track.name] = 1.0 + 1.0 / count
         else:
-            count = np.array([2.0 if corners[line] and not two_planes else 1.0 for line in lines])
-            shared.append(replace(track, covariances=track.covariances * count[:, None, None]))
-            worth[track.name] = 1.0 / count
+            shared.append(track)
+            worth[track.name] = np.ones(len(track.frames))
     return shared, worth
 
 
