@@ -18,10 +18,9 @@ RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 AROUND = [0, 1, 3, 2]  # the corners in order
 UNMEASURED_M = 0.15
 """An edge that is unsure by more was measured nowhere: what was taken for it in single pictures is at no one place."""
-PROFILE_SHARE, LEAST_PROFILES = 0.25, 3
-ALIKE, MOSTLY = 0.05, 0.8
-"""Such an edge is where a beam as high as most, of so many at least, has it, give or take `PROFILE_SHARE` of the
-height; `ALIKE` where most agree to that."""
+ALIKE, LEAST_PROFILES = 0.05, 3
+"""Such an edge is where beams of the usual height have it, of so many at least: to `ALIKE` of the height, or as far as
+their heights scatter."""
 NOT_SEEN, NEITHER = "edges", "neither edge seen"
 USUAL_RACK_DEPTH_M, USUAL_BEAM_DEPTH_M = 1.1, 0.05  # for pallets of 1.2 m, which stand out by 5 cm on either side
 EDGES = ("lower", "upper")
@@ -135,15 +134,12 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
 
 
 def _usual_height(beam: Structure, measured: Sequence[Structure]) -> tuple[float, float]:
-    """The height that beams of a beam's bay have, where most of so many are alike, or else those of the row; and its
-    standard deviation, m."""
+    """The usual height of the beams of a beam's bay, or of the row's where these are too few, and how much they
+    scatter, m."""
     section = [other for other in measured if other.attributes["bay"] == beam.attributes["bay"]]
-    for group in (section, measured):
-        heights = np.array([_height(other) for other in group])
-        usual = float(np.median(heights)) if len(heights) else 0.0
-        if len(heights) >= LEAST_PROFILES and np.mean(np.abs(heights - usual) < ALIKE * usual) >= MOSTLY:
-            return usual, ALIKE * usual
-    return usual, PROFILE_SHARE * usual
+    heights = np.array([_height(other) for other in (section if len(section) >= LEAST_PROFILES else measured)])
+    usual = float(np.median(heights))
+    return usual, max(ALIKE * usual, float(np.std(heights)))
 
 
 def _height(beam: Structure) -> float:
