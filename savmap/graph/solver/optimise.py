@@ -24,7 +24,7 @@ from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.normal_equations import Equations, Layout, Reduced, SharedUnknowns
 from savmap.graph.problem import Estimate, Problem, frames_of
-from savmap.graph.solver.judgement.contradictions import Judgement, judged
+from savmap.graph.solver.judgement.contradictions import Judgement, judgement_of
 from savmap.graph.solver.judgement.reference_tests import (
     reference_uses,
     refuse_unseen,
@@ -200,7 +200,7 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
         return roughly
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
-    judgement = judged(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
+    judgement = judgement_of(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
     return judgement, aligned(judgement.problem, last.estimate), last
 
 

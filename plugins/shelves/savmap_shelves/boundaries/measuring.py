@@ -42,16 +42,16 @@ def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:
 def _with_edges(strips: Strips, lines: Lines) -> Strips:
     """Strips with measured edges. Where both are the same line, as of a thin strip of which one edge has no contrast, the mask keeps that edge which
     the line is farther from, unless goods hide a part of it. It weighs as measured ones do, so that all frames together tell which of the edges the line is."""
-    found = replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
+    edged = replace(strips, upper=lines[: len(strips)], lower=lines[len(strips) :])
     middle = (strips.first + strips.last) / 2
     off_upper, off_lower = (
         np.abs(new.at(middle) - old.at(middle))
-        for new, old in ((found.upper, strips.upper), (found.lower, strips.lower))
+        for new, old in ((edged.upper, strips.upper), (edged.lower, strips.lower))
     )
     whole = strips.thickness > WHOLE * np.median(strips.thickness) if len(strips) else np.zeros(0, dtype=np.bool_)
-    same, is_lower = whole & (found.thickness < SAME * strips.thickness), off_upper >= off_lower
-    upper = where(same & is_lower, strips.upper, found.upper)
-    return replace(found, upper=upper, lower=where(same & ~is_lower, strips.lower, found.lower))
+    same, is_lower = whole & (edged.thickness < SAME * strips.thickness), off_upper >= off_lower
+    upper = where(same & is_lower, strips.upper, edged.upper)
+    return replace(edged, upper=upper, lower=where(same & ~is_lower, strips.lower, edged.lower))
 
 
 def _face_axes(spec: ViewSpec, uprights: Strips, beams: Strips) -> Floats:

@@ -94,9 +94,9 @@ def strips_of(runs: Runs, part: Ints, cell: Ints, probability: Probability, sett
     trim = np.minimum(settings.end_trim_px, (last - first) / 8)[index]
     inner = (u - first[index] >= trim) & (last[index] - u >= trim)
     v = np.where(inner, border_points(runs, probability), np.nan).ravel()
-    known = np.isfinite(v)
+    finite = np.isfinite(v)
     group = np.concatenate([index, index + count])
-    lines = robust_lines(group[known], np.tile(u, 2)[known], v[known], 2 * count, settings.edge_tolerance_px)
+    lines = robust_lines(group[finite], np.tile(u, 2)[finite], v[finite], 2 * count, settings.edge_tolerance_px)
     columns = np.bincount(index, minlength=count).astype(np.float64)
     inside = probability[((runs.first + runs.last) // 2), runs.column].astype(np.float64)
     score = np.bincount(index, inside, count) / np.maximum(columns, 1)

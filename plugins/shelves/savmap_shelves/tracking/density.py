@@ -27,9 +27,9 @@ def nearest(values: Floats, centres: Floats, reach: float) -> Ints:
     """For each value (n,) the index of the nearest of centres (k,), or -1 where none is within `reach` (nan: -1)."""
     if not len(centres):
         return np.full(len(values), -1)
-    apart = np.abs(np.where(np.isfinite(values), values, np.inf)[:, None] - centres)
-    index = apart.argmin(axis=1)
-    return np.where(apart.min(axis=1) <= reach, index, -1)
+    distance = np.abs(np.where(np.isfinite(values), values, np.inf)[:, None] - centres)
+    index = distance.argmin(axis=1)
+    return np.where(distance.min(axis=1) <= reach, index, -1)
 
 
 def cheapest_in_group(group: Ints, target: Ints, cost: Floats) -> Ints:

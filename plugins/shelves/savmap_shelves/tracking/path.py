@@ -116,8 +116,8 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
         np.hypot(observations.sigma, UPRIGHT_SIGMA), np.full(count - 1, RATIO_SIGMA), np.full(count - 1, SLIDE_SIGMA)
     ])  # fmt: skip
     value = np.concatenate([np.column_stack([np.log(start[:, 0]), start[:, 1]]).ravel(), x])
-    known, links = len(frame), np.arange(count - 1)
-    rows = np.concatenate([np.tile(np.arange(known), 3), np.tile(known + np.arange(2 * count - 2), 2)])
+    count_seen, links = len(frame), np.arange(count - 1)
+    rows = np.concatenate([np.tile(np.arange(count_seen), 3), np.tile(count_seen + np.arange(2 * count - 2), 2)])
     columns = np.concatenate([
         2 * frame, 2 * frame + 1, 2 * count + observations.edge, 2 * links + 2, 2 * links + 3, 2 * links, 2 * links + 1
     ])  # fmt: skip
@@ -130,7 +130,7 @@ def _fitted(start: Floats, x: Floats, observations: EdgeObservations, odometry: 
             ratio * u[:-1] - slide - u[1:],
         ]) / sigma  # fmt: skip
         weight = 1 / sigma / np.sqrt(1 + (misfit / TAIL) ** 2)
-        by_frame = [edge[observations.edge] * s[frame], -np.ones(known), s[frame]]
+        by_frame = [edge[observations.edge] * s[frame], -np.ones(count_seen), s[frame]]
         slopes = np.concatenate([*by_frame, np.ones(2 * count - 2), -np.ones(count - 1), -ratio])
         jacobian = coo_array((slopes * weight[rows], (rows, columns)), shape=(len(sigma), size)).tocsr()
         normal = jacobian.T @ jacobian + 1e-3 * eye_array(size)

@@ -93,13 +93,13 @@ def on_face(sightings: Sightings, world_from_rig: Floats) -> FaceSightings:
 def collect_sightings(features: Sequence[Feature], facts: RowFacts) -> Sightings:
     """Sort features into uprights and beams. Features of other labels, or of unknown views, are left out."""
     names = tuple(facts.views)
-    known = [f for f in features if f.label in ("upright", "beam") and f.view in names]
-    points = feature_points(known, names)
-    first = np.concatenate([[0], np.cumsum([len(f.pixels) for f in known])]).astype(np.int64)
-    keys = [(f.frame, names.index(f.view), f.instance) for f in known]
-    edges = [(row, row + 1) for f, row in zip(known, first, strict=False) if len(f.pixels) == 2]
-    uprights = _uprights(known, keys, first)
-    corners, neighbours = _beams(known, keys, first)
+    of_face = [f for f in features if f.label in ("upright", "beam") and f.view in names]
+    points = feature_points(of_face, names)
+    first = np.concatenate([[0], np.cumsum([len(f.pixels) for f in of_face])]).astype(np.int64)
+    keys = [(f.frame, names.index(f.view), f.instance) for f in of_face]
+    edges = [(row, row + 1) for f, row in zip(of_face, first, strict=False) if len(f.pixels) == 2]
+    uprights = _uprights(of_face, keys, first)
+    corners, neighbours = _beams(of_face, keys, first)
     row_of = {key: index for index, key in enumerate(uprights)}
     bounds = [[row_of.get((*key[:2], number), -1) for number in neighbours[key]] for key in corners]
     upright_keys, beam_keys = (np.array([*group], dtype=np.int64).reshape(-1, 3) for group in (uprights, corners))

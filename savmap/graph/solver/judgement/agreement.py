@@ -56,16 +56,16 @@ class Agreement:
     shift: Floats
 
     @classmethod
-    def of(cls, names: tuple[str, ...], values: Floats, sigmas: Floats, found: Solved) -> "Agreement":
-        """From what is `found` of the references' values in a solve that takes them for softer than they are."""
-        variances, axes = np.linalg.eigh((found.covariance + found.covariance.T) / 2)
+    def of(cls, names: tuple[str, ...], values: Floats, sigmas: Floats, solved: Solved) -> "Agreement":
+        """From what is `solved` of the references' values in a solve that takes them for softer than they are."""
+        variances, axes = np.linalg.eigh((solved.covariance + solved.covariance.T) / 2)
         kept = variances > RANK * variances.max(initial=0.0)
-        slopes, off = axes[:, kept], found.values - values
-        soft = slopes.T / found.sigmas**2
+        slopes, off = axes[:, kept], solved.values - values
+        soft = slopes.T / solved.sigmas**2
         weight, turned = np.linalg.eigh(np.diag(1 / variances[kept]) - soft @ slopes)
         information = (turned * np.maximum(weight, 0.0)) @ turned.T
         shift = soft @ off
-        assumed = _assumed(information, slopes.T @ found.gauge)
+        assumed = _assumed(information, slopes.T @ solved.gauge)
         along = information @ assumed
         return cls(
             names, values, off, sigmas, slopes, information - along @ along.T, shift - along @ (assumed.T @ shift)
@@ -83,7 +83,7 @@ class Agreement:
 
     def at(self, name: str) -> Ints:
         """Indices of a reference."""
-        return np.flatnonzero([own == name for own in self.names])
+        return np.flatnonzero([member == name for member in self.names])
 
     def cost(self, out: Names = frozenset()) -> float:
         """How badly pictures and references agree without those that are `out`: a sum of squares in standard deviations, up to a
@@ -112,9 +112,9 @@ class Agreement:
         """How well an error that some references have in common shows without those that are `out`: its standard deviation, m. For a single
         reference that is of its difference from what all others say."""
         matrix, _, weight = self._normal(out)
-        own = weight * np.isin(self.names, sorted(names))
-        along = self.slopes.T @ own
-        shown = float(own.sum() - along @ np.linalg.solve(matrix, along))
+        member = weight * np.isin(self.names, sorted(names))
+        along = self.slopes.T @ member
+        shown = float(member.sum() - along @ np.linalg.solve(matrix, along))
         return float(max(shown, LOOSE_M**-2.0) ** -0.5)
 
     def explanations(self, mistakable: Names = frozenset()) -> list[Names]:
@@ -123,9 +123,9 @@ class Agreement:
         looks odd, count last and may be many."""
         for firm in range((len(self.all_names) + 1) // 2):
             for loose in range(len(mistakable) + 1):
-                found = self._explanations(mistakable, firm, loose)
-                if found:
-                    return found
+                explained = self._explanations(mistakable, firm, loose)
+                if explained:
+                    return explained
         return []
 
     def _explanations(self, mistakable: Names, firm: int, loose: int) -> list[Names]:
@@ -170,5 +170,5 @@ class Agreement:
 def _assumed(information: Floats, gauge: Floats) -> Floats:
     """Independent directions (k, d) within the gauge (k, g), each one standard deviation long, in which there is information (k, k) at all."""
     strength, turned = np.linalg.eigh(gauge.T @ information @ gauge)
-    known = strength > LOOSE_M**-2.0
-    return np.asarray(gauge @ turned[:, known] / np.sqrt(strength[known]))
+    determined = strength > LOOSE_M**-2.0
+    return np.asarray(gauge @ turned[:, determined] / np.sqrt(strength[determined]))

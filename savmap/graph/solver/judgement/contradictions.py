@@ -42,8 +42,6 @@ LEAST_LEFT = 4
 """So many references check one another: two of them give scale and place."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
-MIDDLE = (0.1, 0.9)
-"""Quantiles of what was measured between which the place of a warning lies."""
 LOOSELY, UNCHECKED = "nothing would notice an error", "nothing checks"
 Place = tuple[float, float, float]
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
@@ -68,28 +66,28 @@ class Judgement:
 def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Covariance) -> Agreement:
     """How the given references agree with the estimate of the softened problem, which has this covariance."""
     solved = list(solved_references(soft, estimate))
-    keys = sorted({key for one in solved for key in one.keys})
+    keys = sorted({key for item in solved for key in item.keys})
     slopes = np.zeros((len(solved), 3 * len(keys)))
-    for row, one in zip(slopes, solved, strict=True):
-        row.reshape(-1, 3)[[keys.index(key) for key in one.keys]] = one.slope.reshape(-1, 3)
-    sigmas = np.array([one.use.sigma for one in solved_references(given, estimate)])
-    values, softness, found = np.array([(one.use.value, one.use.sigma, one.use.solved) for one in solved]).T
-    names = tuple(one.use.name for one in solved)
+    for row, item in zip(slopes, solved, strict=True):
+        row.reshape(-1, 3)[[keys.index(key) for key in item.keys]] = item.slope.reshape(-1, 3)
+    sigmas = np.array([item.use.sigma for item in solved_references(given, estimate)])
+    values, softness, solution = np.array([(item.use.value, item.use.sigma, item.use.solved) for item in solved]).T
+    names = tuple(item.use.name for item in solved)
     joint = slopes @ covariance.of(keys) @ slopes.T
-    return Agreement.of(names, values, sigmas, Solved(found, softness, joint, _gauge(soft, found, slopes)))
+    return Agreement.of(names, values, sigmas, Solved(solution, softness, joint, _gauge(soft, solution, slopes)))
 
 
-def _gauge(problem: Problem, found: Floats, slopes: Floats) -> Floats:
+def _gauge(problem: Problem, solution: Floats, slopes: Floats) -> Floats:
     """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved along each axis whose
     origin is not fixed: orthonormal (r, g). Nothing is free where the camera's path is given."""
     if problem.camera.fixed is not None:
-        return np.zeros((len(found), 0))
-    fixed = {one.column for one in problem.relations if one.b is None and not one.name}
-    moved = slopes.reshape(len(found), -1, 3).sum(axis=1)
-    return np.asarray(orth(np.column_stack([found, moved[:, [axis for axis in range(3) if axis not in fixed]]])))
+        return np.zeros((len(solution), 0))
+    fixed = {item.column for item in problem.relations if item.b is None and not item.name}
+    moved = slopes.reshape(len(solution), -1, 3).sum(axis=1)
+    return np.asarray(orth(np.column_stack([solution, moved[:, [axis for axis in range(3) if axis not in fixed]]])))
 
 
-def judged(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
+def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
     """The problem without what is wrong in it, from the estimate of the softened problem and its covariance.
 
     Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
@@ -130,19 +128,19 @@ def _passed_over(problem: Problem, agreed: Agreement) -> Names:
     """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind. Goods hide the
     lowest beams of several bays as easily as that of one."""
     kind = {relation.name for relation in problem.relations if relation.note_if_outlier} & {*agreed.all_names}
-    found = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
-    return found if 2 * len(found) <= len(kind) else frozenset()
+    higher = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
+    return higher if 2 * len(higher) <= len(kind) else frozenset()
 
 
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
     """References that may be wrong, each with those that are left out with it: those that explain the contradiction and, where these are
     few or nothing explains it, those that deviate most."""
-    found = {name: (name, out) for out in explained for name in sorted(out)}
+    suspects = {name: (name, out) for out in explained for name in sorted(out)}
     deviations = agreed.deviations()
     for name in sorted(deviations, key=lambda name: -deviations[name]):
-        if not clear and len(found) < AT_LEAST_NAMED:
-            found.setdefault(name, (name, frozenset({name})))
-    return list(found.values())
+        if not clear and len(suspects) < AT_LEAST_NAMED:
+            suspects.setdefault(name, (name, frozenset({name})))
+    return list(suspects.values())
 
 
 def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
@@ -161,7 +159,7 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
 def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
     """The explanations that leave the scene some extent; all of them where none does. Equal heights of several bays also agree in a scene
     that has shrunk to a point, where every distance is 0. No such scene is real."""
-    lengths = frozenset(one.name for one in problem.relations if one.name and one.b is not None)
+    lengths = frozenset(item.name for item in problem.relations if item.name and item.b is not None)
     left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]
     return left or explained
 
@@ -177,7 +175,7 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
     a note."""
     notes, warnings = list[str](), list[MapWarning]()
     for name in sorted(out):
-        relation = next((one for one in problem.relations if one.name == name), None)
+        relation = next((item for item in problem.relations if item.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         place = _place(problem, soft, relation)
         if relation is not None and _is_of_another(relation, otherwise):
@@ -220,7 +218,7 @@ def _uncertain(
         *lines,
         *_or_the_camera(problem),
     )
-    worst = max(suspects, key=lambda one: wider[one[0]])
+    worst = max(suspects, key=lambda item: wider[item[0]])
     warning = _conflict(agreed, [name for name, _ in suspects], worst, details)
     return Judgement(with_sigmas(problem, wider), notes=(warning.line,), warnings=(warning,))
 
@@ -235,20 +233,20 @@ def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]
     """Of references that agree without those that are `out`: a line about those that nothing can contradict, for they alone give scale or
     place, and a line about those that the others check so loosely that an error of many standard deviations would go unnoticed, the largest
     first."""
-    alone, loose = list[str](), list[tuple[float, str]]()
+    single, loose = list[str](), list[tuple[float, str]]()
     for what, names in _errors(problem, agreed, out):
         unnoticed = _unnoticed(agreed, names, out)
         uses = [_given(agreed, name) for name in names]
         if _is_alone(agreed, names, out):
-            alone += [what] if len(names) == 1 or not alone else []
+            single += [what] if len(names) == 1 or not single else []
         elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
             loose.append((unnoticed, what))
-    if len(alone) == 1:
-        what = "scale" if alone[0] in _scales(problem) else "place"
-        yield f"one reference gives the {what}, {alone[0]}: {UNCHECKED} it; measure a length"
-    elif alone:
-        yield f"{UNCHECKED} {' and '.join(alone)}, which give scale and place; measure a second length"
-    loose.sort(key=lambda one: -one[0])
+    if len(single) == 1:
+        what = "scale" if single[0] in _scales(problem) else "place"
+        yield f"one reference gives the {what}, {single[0]}: {UNCHECKED} it; measure a length"
+    elif single:
+        yield f"{UNCHECKED} {' and '.join(single)}, which give scale and place; measure a second length"
+    loose.sort(key=lambda item: -item[0])
     for number, (unnoticed, name) in enumerate(loose[:NAMED]):
         line = f"{LOOSELY} of {unnoticed:.2f} m in {name}"
         yield f"{line}; measure a second length" if number == 0 else line
@@ -288,16 +286,16 @@ def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[s
     """What may be wrong of the references that are not `out`: each, and last all heights on the structure, measured from a wrong floor or to a
     wrong edge. A height of 0 is the floor's, by definition."""
     yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
-    levels = (one for one in problem.relations if one.name and one.axis == "y" and one.b is None and one.value)
-    heights = frozenset(one.name for one in levels) - out
+    levels = (item for item in problem.relations if item.name and item.axis == "y" and item.b is None and item.value)
+    heights = frozenset(item.name for item in levels) - out
     if len(heights) > 1:
         yield "all given heights together", heights
 
 
 def _scales(problem: Problem) -> Names:
     """References that give the scale each by itself, with where the floor is: camera heights and distances."""
-    heights = (one.name for one in problem.camera.references.camera_heights)
-    return frozenset((*heights, *(one.name for one in problem.relations if one.name and one.b is not None)))
+    heights = (item.name for item in problem.camera.references.camera_heights)
+    return frozenset((*heights, *(item.name for item in problem.relations if item.name and item.b is not None)))
 
 
 def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
@@ -354,12 +352,12 @@ def _given(agreed: Agreement, name: str) -> ReferenceUse:
 
 
 def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> Place | None:
-    """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are put beside the rest."""
+    """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are put in the middle."""
     if relation is None:
         return None
     ends = [soft.points[problem.index(key)] for key in (relation.a, relation.b) if key is not None]
     place = np.mean(ends, axis=0)
     if relation.axis == "x":
-        place[1:] = np.clip(place[1:], *np.quantile(soft.points[:, 1:], MIDDLE, axis=0))
+        place[1:] = np.median(soft.points[:, 1:], axis=0)
     x, y, z = place.tolist()
     return x, y, z

@@ -83,15 +83,15 @@ def reference_uses(given: Problem, used: Problem, estimate: Estimate) -> Iterato
         uses.setdefault(solved.use.name, []).append(solved.use)
     heights = () if given.camera.fixed is not None else given.camera.references.camera_heights
     mean_height = float(estimate.poses[:, 1, 3].mean())
-    every = [ReferenceUse(one.name, one.value_m, one.sigma_m, mean_height) for one in heights]
+    every = [ReferenceUse(item.name, item.value_m, item.sigma_m, mean_height) for item in heights]
     every += [_solved(used, relation, estimate).use for relation in given.relations if relation.name]
-    for own in every:
-        of_name = uses.get(own.name)
+    for given_use in every:
+        of_name = uses.get(given_use.name)
         use = of_name.pop(0) if of_name else None
         if use is None:
-            yield replace(own, left_out=True)
+            yield replace(given_use, left_out=True)
         else:
-            yield replace(use, sigma=own.sigma, softened=use.sigma if use.sigma > own.sigma else None)
+            yield replace(use, sigma=given_use.sigma, softened=use.sigma if use.sigma > given_use.sigma else None)
 
 
 def tested_keys(problem: Problem) -> frozenset[int]:
