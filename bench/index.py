@@ -25,6 +25,7 @@ BENCHES: Mapping[str, Bench] = {
         60,
         {**ERRORS, "whole": "more", "trusted": "more", "refused": "less", "lamps cm": "less"},
     ),
+    "fit": Bench("(a tool) The parameters of the face's model, by maximum likelihood on train rows", 60),
     "verdicts": Bench(
         "Which warnings about maps are true, which false, and what is wrong that none names?",
         1,

@@ -1,36 +1,80 @@
 """Made-up rows from footage to scored map: missing, spurious, error, verdict.
 
-    python -m bench rows [--set dev] [--count 20] [--family "grey rows"] [--references camera] [--row second] [--keep DIR]
+    python -m bench rows [--set dev] [--count 20] [--family "grey rows" ...] [--references camera] [--row second]
+                         [--without paint] [--keep DIR]
 
-Families: `rows` are random short ones; `grey rows` have beams and decks of one grey in flat light; of `long rows` the bays come six times over;
-`interrupted rows` have a bay without beams, 3.2 m wide, in the middle. `--references`: all that the footage comes with (camera height, lowest
-beams, a length), `length` (camera height and length), or `camera` (its height only), which is what most users have at first. `--row second` maps
-the rack on the right of the drive, another random one, where the drive goes past all of it. Footage already in DIR is used again.
+Families: `rows` are random short ones; `grey rows` have beams and decks of one grey in flat light; `dark rows` are dark
+and thin in a dark hall; of `long rows` the bays come six times over; `interrupted rows` have a bay without beams, 3.2 m
+wide, in the middle. `--references`: all that the footage comes with (camera height, lowest beams, a length), `length`
+(camera height and length), or `camera` (its height only), which is what most users have at first. `--row second` maps
+the rack on the right of the drive, another random one, where the drive goes past all of it; `both` maps either.
+
+`--without` switches a term of the face's model off. Below the totals stands how often objects of each probability
+exist. DIR keeps footage and what the walk along it saw: another run only finds and solves. Remove the folders `stages`
+in it where code that walks has changed.
+
+The acceptance table: `--set test --family rows "grey rows" "dark rows" --count 20 --row both`.
 """
 
 import argparse
 import json
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import yaml
+from threadpoolctl import threadpool_limits
 
 import savmap
 from bench.baseline import Figures
+from bench.dark_pictures import darkened
 from bench.seeds import SETS, is_test, seeds
 from savmap.errors import SavmapError
+from savmap.files.journal import Journal
+from savmap.jobs.cache import FolderCache
+from savmap.jobs.tasks import request_for
 from savmap.lab.sim.random_row import random_row
 from savmap.lab.sim.scene.files import Scene, parse_scene
 from savmap.lab.sim.simulate import simulate
+from savmap.maps.map_file import write_map
+from savmap.maps.survey import read_survey
+from savmap.pipeline.records import MeasuredRow
+from savmap.pipeline.row import map_rows, measure
 from savmap.report.evaluation import as_json
+from savmap.site.job import job_for
+from savmap.types import SiteMap, Trajectory
+from savmap.types.progress import NoteCollector
+from savmap_shelves import find
+from savmap_shelves.face_model import FaceReader
+from savmap_shelves.find import face_reader
+from savmap_shelves.lab.fit import LaidSurvey
+from savmap_shelves.likelihood import fitted
 
-FAMILIES = ("rows", "grey rows", "long rows", "interrupted rows")
+FAMILIES = ("rows", "grey rows", "dark rows", "long rows", "interrupted rows")
 ROWS = ("first", "second")
 """The rows of a simulated aisle, left and right of the drive."""
+TERMS: Mapping[str, Mapping[str, Any]] = {
+    "paint": {"paint": 0.0},
+    "occlusion": {"hidden": (0.0,), "chances": (1.0,)},
+    "shared levels": {"shared": 0.0},
+    "profile": {"profile": 1e3},
+    "rear image": {"rear": 0.0},
+    "beams' plane": {},
+}
+"""Terms of the face's model, and the parameters that switch them off. Without the beams' plane, what is solved of their
+depth is withheld."""
+BINS = (0.0, 0.1, 0.5, 0.9, 0.99, 1.0)
+"""Of probabilities, in the table of reliability; the model names none below 0.01."""
+SCORES = ("mae_m", "missing", "spurious", "lights", "ends of lights")
+GOOD_M = 0.01
+"""A row that is right within this should be trusted."""
 SLACK_M, TIMES, GAP_M = 0.3, 6, 3.2
 
 
@@ -41,6 +85,7 @@ def footage(seed: int, frames: int, folder: Path, family: str = "rows") -> Path:
         scene = random_row(seed, frames)
         changed = {
             "grey rows": lambda: greyed(scene, seed),
+            "dark rows": lambda: darkened(scene, seed),
             "long rows": lambda: lengthened(scene, TIMES),
             "interrupted rows": lambda: interrupted(scene, GAP_M),
         }
@@ -77,18 +122,76 @@ def only_one_row(site: Path, which: str = "first", references: str = "all") -> P
     return path
 
 
+@dataclass(frozen=True, eq=False)
+class FaceMeasurements:
+    """A row that was measured, and the evidence and the path by which the model read its face last."""
+
+    row: MeasuredRow
+    reader: FaceReader
+    path: Trajectory
+
+
+def measured(site: Path, output: Path, plugins: Sequence[str] | None = None) -> FaceMeasurements:
+    """The only row of a site, measured; what the walk along it saw is kept in a folder, and used again there. Raises
+    SavmapError."""
+    job = job_for(site, plugins, output)
+    request = request_for(job, next(iter(job.site.rows)))
+    walk = FolderCache(output).frames(request.name, " ".join(plugin.name for plugin in request.plugins))
+    readers: list[tuple[FaceReader, Trajectory]] = []
+
+    def kept(gather: Any, path: Trajectory, *given: Any) -> FaceReader:
+        readers.append((face_reader(gather, path, *given), path))
+        return readers[-1][0]
+
+    with threadpool_limits(1, "blas"), Journal(walk) as journal, patch.object(find, "face_reader", kept):
+        (row,) = measure([request], journal, NoteCollector())
+    if isinstance(row, SavmapError):
+        raise row
+    return FaceMeasurements(row, *readers[-1])
+
+
+@contextmanager
+def without(term: str | None) -> Iterator[None]:
+    """While this lasts, a term of the face's model is switched off."""
+    with ExitStack() as stack:
+        if term is not None:
+            parameters = replace(fitted(), **TERMS[term])
+            stack.enter_context(patch.object(find, "fitted", lambda: parameters))
+        if term == "beams' plane":
+            stack.enter_context(patch.object(find, "beam_depth", lambda _: 0.0))
+        yield
+
+
+def survey_on_face(site: Path, face: FaceMeasurements) -> LaidSurvey:
+    """The surveyed members of the only row of a simulated site, where they are on the face's evidence."""
+    name = face.row.request.name
+    truth = json.loads(site.with_name("poses.json").read_text(encoding="utf-8"))
+    frame = truth["rows"][name]
+    poses = np.array([truth["frames"][number]["world_from_rig"] for number in face.path.frames.tolist()])
+    places = (poses[:, :3, 3] - frame["origin"]) @ np.array(frame["world_from_row"])
+    survey = read_survey(site.with_name("survey.json")).rows[name]
+    laid = LaidSurvey.by_path(survey, face.path.world_from_rig[:, :3, 3], places)
+    return laid.moved_to(face.row.measurements.objects["shelves"])
+
+
 def score(site: Path, output: Path) -> dict[str, Any]:
     """Map a site and score it; an error counts as everything missing and is named."""
     start = time.perf_counter()
+    figures: dict[str, Any] = {}
     try:
-        site_map = savmap.map_site(site, output=output)
-        figures = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
-        wanted = ("mae_m", "missing", "spurious", "lights", "ends of lights")
-        figures = {key: figures[key] for key in wanted if key in figures}
-        verdict = next(iter(site_map.rows.values())).verdict
-        figures["verdict"] = verdict.grade if verdict else "-"
+        face = measured(site, output)
+        figures["objects"] = [*survey_on_face(site, face).existing(face.row.measurements.objects["shelves"])]
+        with threadpool_limits(1, "blas"):
+            (row,) = map_rows([face.row], NoteCollector())
+        if isinstance(row, SavmapError):
+            raise row
+        site_map = SiteMap({row.name: row}, {})
+        write_map(site_map, output / "map.json")
+        scores = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
+        figures |= {key: scores[key] for key in SCORES if key in scores}
+        figures["verdict"] = row.verdict.grade if row.verdict else "-"
     except SavmapError as error:
-        figures = {"error": str(error)}
+        figures["error"] = str(error)
     return {**figures, "seconds": time.perf_counter() - start}
 
 
@@ -117,17 +220,22 @@ def line(seed: int, figures: Mapping[str, Any]) -> str:
     return f"{seed:6d} {missing:8d} {spurious:9d} {error:8.2f} {lamp_text} {seconds:9.1f}  {figures['verdict']}"
 
 
-def totals(results: Mapping[int, Mapping[str, Any]]) -> Figures:
-    """Figures over all rows; errors are those of mapped rows."""
-    mapped = [figures for figures in results.values() if "error" not in figures]
-    counts = np.array([counted(figures) for figures in mapped], np.int64).reshape(-1, 2).sum(axis=0)
-    lamps = [figures["lights"]["mae_m"] for figures in mapped if figures.get("lights", {}).get("mae_m") is not None]
-    errors = [100 * figures["mae_m"] for figures in mapped if figures["mae_m"] is not None]
+def totals(results: Sequence[Mapping[str, Any]]) -> Figures:
+    """Figures over all faces, and how often objects of each probability exist; errors are those of mapped faces."""
+    scored = [figures for figures in results if "error" not in figures]
+    counts = np.array([counted(figures) for figures in scored], np.int64).reshape(-1, 2).sum(axis=0)
+    lamps = [figures["lights"]["mae_m"] for figures in scored if figures.get("lights", {}).get("mae_m") is not None]
+    errors = [100 * figures["mae_m"] for figures in scored if figures["mae_m"] is not None]
+    trusted = [figures for figures in scored if figures["verdict"] == "trusted"]
     total: dict[str, float] = {
         "rows": len(results),
-        "whole": sum(is_whole(figures) for figures in results.values()),
-        "trusted": sum(figures["verdict"] == "trusted" for figures in mapped),
-        "refused": len(results) - len(mapped),
+        "whole": sum(map(is_whole, scored)),
+        "racks whole": sum(not any(counted({**figures, "lights": {}})) for figures in scored),
+        "lamps whole": sum(not any(counted({**figures, "missing": {}, "spurious": {}})) for figures in scored),
+        "good": sum(map(is_good, scored)),
+        "good trusted": sum(map(is_good, trusted)),
+        "trusted": len(trusted),
+        "refused": len(results) - len(scored),
         "missing": int(counts[0]),
         "spurious": int(counts[1]),
     }
@@ -135,7 +243,27 @@ def totals(results: Mapping[int, Mapping[str, Any]]) -> Figures:
         total |= {"mean cm": float(np.mean(errors)), "largest cm": max(errors)}
     if lamps:
         total["lamps cm"] = 100 * float(np.mean(lamps))
-    return {"total": total | {"seconds a row": float(np.mean([one["seconds"] for one in results.values()]))}}
+    total["seconds a row"] = float(np.mean([figures["seconds"] for figures in results]))
+    return {**reliability([pair for figures in results for pair in figures.get("objects", ())]), "total": total}
+
+
+def is_good(figures: Mapping[str, Any]) -> bool:
+    """Whether a row's map is whole, and its errors are small."""
+    errors = (figures["mae_m"], figures.get("lights", {}).get("mae_m"))
+    return is_whole(figures) and all(error is None or error <= GOOD_M for error in errors)
+
+
+def reliability(objects: Sequence[tuple[float, bool]]) -> Figures:
+    """By bins of the probability of objects: how many, their mean probability, and the share that exists."""
+    table = {}
+    likely, exist = np.array([pair[0] for pair in objects]), np.array([pair[1] for pair in objects], np.bool_)
+    numbers = np.digitize(likely, BINS[1:-1])
+    for number, (low, high) in enumerate(pairwise(BINS)):
+        inside = numbers == number
+        if inside.any():
+            cells = {"objects": int(inside.sum()), "mean P": likely[inside].mean(), "exist": exist[inside].mean()}
+            table[f"P {low:g} to {high:g}"] = {key: float(value) for key, value in cells.items()}
+    return table
 
 
 def lengthened(scene: Scene, times: int) -> Scene:
@@ -193,26 +321,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", choices=SETS, default="dev", help="of seeds; rows of `test` are printed as totals only"
     )
     parser.add_argument("--count", type=int, help="of rows; all of the set")
-    parser.add_argument("--family", choices=FAMILIES, default=FAMILIES[0])
+    parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES[:1])
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--references", choices=["all", "length", "camera"], default="all")
-    parser.add_argument("--row", choices=ROWS, default=ROWS[0], help="the row on the left or on the right of the drive")
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
+    parser.add_argument(
+        "--row", choices=[*ROWS, "both"], default=ROWS[0], help="the row on the left or on the right of the drive"
+    )
+    parser.add_argument("--without", choices=TERMS, help="a term of the face's model that is switched off")
+    parser.add_argument("--keep", type=Path, help="keep footage and what was seen of it in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Map each row of the set."""
-    results: dict[int, dict[str, Any]] = {}
+    results: list[dict[str, Any]] = []
     print("  seed  missing  spurious  MAE cm  lamps cm  seconds  verdict", flush=True)
-    with tempfile.TemporaryDirectory() as temporary:
-        base = given.keep or Path(temporary)
-        for seed in seeds(given.family, given.set, given.count):
-            folder = base / f"{given.family.replace(' ', '-')[:-1]}-{seed}"
-            made = footage(seed, given.frames, folder, given.family)
-            site = only_one_row(made, given.row, given.references)
-            if site is None:
-                continue  # no rack on that side, or not driven past from end to end
-            results[seed] = score(site, folder / ("out" if given.row == ROWS[0] else f"out-{given.row}"))
-            if not is_test(given.family, seed):
-                print(line(seed, results[seed]), flush=True)
+    with tempfile.TemporaryDirectory() as temporary, without(given.without):
+        for family, seed, site, output in sites(given, given.keep or Path(temporary)):
+            results.append(score(site, output))
+            if not is_test(family, seed):
+                print(line(seed, results[-1]), flush=True)
     return totals(results) if results else {}
+
+
+def sites(given: argparse.Namespace, base: Path) -> Iterator[tuple[str, int, Path, Path]]:
+    """Family and seed of each face that the arguments ask for, its site file, and the folder of what is kept of it. Of
+    a rack that is not there, or not driven past from end to end, there is none."""
+    for family in given.family:
+        for seed in seeds(family, given.set, given.count):
+            folder = base / f"{family.replace(' ', '-')[:-1]}-{seed}"
+            made = footage(seed, given.frames, folder, family)
+            for row in ROWS if given.row == "both" else (given.row,):
+                site = only_one_row(made, row, given.references)
+                if site is not None:
+                    yield family, seed, site, folder / ("out" if row == ROWS[0] else f"out-{row}")

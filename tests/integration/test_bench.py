@@ -144,6 +144,38 @@ def test_rows_of_the_test_set_are_shown_as_totals_only(
     assert len(capsys.readouterr().out.splitlines()) == 4
 
 
+def test_totals_say_what_is_whole_and_whether_the_probabilities_are_right() -> None:
+    from bench.rows import totals
+
+    none = {"upright": 0, "beam": 0}
+    face = {"mae_m": 0.002, "missing": none, "spurious": none, "verdict": "trusted", "seconds": 1.0}
+    sure, doubtful = [(0.999, True)] * 3, [(0.05, False), (0.2, True), (0.4, False)]
+    results = [
+        {**face, "objects": sure},
+        {**face, "mae_m": 0.02, "objects": doubtful},
+        {**face, "missing": {**none, "beam": 2}, "verdict": "check"},
+        {**face, "lights": {"missing": 1, "spurious": 0, "mae_m": None}, "verdict": "check"},
+        {"error": "no bay shows", "seconds": 1.0},
+    ]
+    table = totals(results)
+    counts = ("rows", "whole", "racks whole", "lamps whole", "good", "good trusted", "trusted", "refused", "missing")
+    assert [table["total"][name] for name in counts] == [5, 2, 3, 3, 1, 1, 2, 1, 3]
+    assert table["P 0.99 to 1"] == {"objects": 3, "mean P": pytest.approx(0.999), "exist": 1}
+    assert table["P 0.1 to 0.5"] == {"objects": 2, "mean P": pytest.approx(0.3), "exist": 0.5}
+
+
+def test_a_term_of_the_model_is_switched_off_by_its_parameters() -> None:
+    from bench.rows import TERMS, without
+    from savmap_shelves import find
+
+    before = find.fitted()
+    for term in TERMS:
+        with without(term):
+            changed = find.fitted()
+            assert changed != before or find.beam_depth({"bay 1 / beam 1 / lower": np.full(3, 0.1)}) == 0
+    assert find.fitted() == before
+
+
 def test_what_has_become_worse_is_named(tmp_path: Path) -> None:
     from bench import baseline
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from savmap.types import Floats
-from savmap.vision.evidence.intervals import Occlusion, best_intervals, interval_scores
+from savmap.vision.evidence.intervals import Occlusion, best_intervals, interval_scores, log_partitions
 
 WIDTHS = np.array([2, 3, 5])
 OPEN = Occlusion((0.0,), (1.0,), 1.0, 1.0)
@@ -41,6 +41,7 @@ def test_the_best_set_and_all_probabilities_are_exact(gap: int) -> None:
         assert found.cells.tolist() == [[i, i + WIDTHS[k]] for i, k in best]
         assert found.score == pytest.approx([scores[place] for place in best])
         assert found.posterior == pytest.approx(expected, abs=1e-9)
+        assert log_partitions([scores], WIDTHS, gap) == pytest.approx(np.logaddexp.reduce(totals))
 
 
 def test_lines_without_evidence_are_empty() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import Bools, Floats, Ints, PlaneEvidence
-from savmap.vision.evidence.intervals import Intervals, best_intervals, interval_scores
+from savmap.vision.evidence.intervals import Intervals, Occlusion, best_intervals, interval_scores
 from savmap_shelves.likelihood import FaceParameters
 from savmap_shelves.paint import paint_ratios
 
@@ -99,17 +99,14 @@ class FaceReader:
         posts, (bottom, top) = self._posts(upright)
         if len(posts.cells) < 2:
             return None
-        seen = np.flatnonzero((self.beams.weight > 0).sum(axis=1)[::-1])
-        first = int(seen[0])
-        if self.floor is not None:
-            first = max(first, int(np.clip(self.floor / self.uprights.patch.cell, 0, top - 1)))
-        sections, rear = self._sections(posts, first, min(len(upright), top + self.cells(ABOVE)))
+        between = self.sections_between(posts, top)
+        sections, rear = between.read()
+        first = between.first
         cell = self.uprights.patch.cell
         rows = slice(bottom, top)
         width, thickness = (None if size is None else size / cell for size in self.sizes)
-        (places,) = measured_members([posts], [self._means(self.uprights, "upright")[rows].T], width)
-        spans = [(left[1] + 1, right[0] - 1) for left, right in pairwise(posts.cells.tolist())]
-        shown = [self._means(self.beams, "beam")[first:, slice(*span)] for span in spans]
+        (places,) = measured_members([posts], [self.means(self.uprights, "upright")[rows].T], width)
+        shown = [self.means(self.beams, "beam")[first:, slice(*span)] for span in between.spans]
         levels = measured_members(sections, shown, thickness)
         return Face(
             tuple(
@@ -129,95 +126,153 @@ class FaceReader:
             rear,
         )
 
-    def _means(self, evidence: PlaneEvidence, label: str) -> Floats:
+    def means(self, evidence: PlaneEvidence, label: str) -> Floats:
         """Mean scores (rows, columns), the lowest row first."""
         return np.asarray(evidence.of(label)[::-1], np.float64)
 
     def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int]]:
         """Posts, and the rows between which they show."""
-        widths, rows = np.arange(NARROWEST, self.cells(WIDEST)), (0, len(ratios))
-        usual: float | None = None
+        rows, usual = (0, len(ratios)), None
         for _ in range(ROUNDS):
-            scores = self._scores(ratios[slice(*rows)].T, widths) + self.parameters.post + self._profile(widths, usual)
-            (posts,) = best_intervals([scores], widths, self.cells(POSTS_APART))
+            scores = self.post_scores(ratios[slice(*rows)], usual)
+            (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))
             if not len(posts.cells):
                 break
             usual = float(np.median(np.diff(posts.cells, axis=1)))
-            rows = _extent(np.median([ratios[:, low:high].mean(axis=1) for low, high in posts.cells.tolist()], axis=0))
+            rows = extent(ratios, posts)
         return posts, rows
 
-    def _sections(self, posts: Intervals, first: int, last: int) -> tuple[list[Intervals], float]:
-        """The beams of all sections between rows `first` and `last`, and the rear members' ratio."""
-        ratios, widths = self.ratios(self.beams, "beam")[first:last], np.arange(NARROWEST, self.cells(HIGHEST))
+    @property
+    def post_widths(self) -> Ints:
+        """Possible widths of posts (w,), in cells."""
+        return np.arange(NARROWEST, self.cells(WIDEST))
+
+    def post_scores(self, ratios: Floats, usual: float | None) -> Floats:
+        """Scores (n, w) of posts across the columns of cells (rows, n), where this is their usual width, in cells."""
+        return self.scores(ratios.T, self.post_widths) + self.parameters.post + self.profile(self.post_widths, usual)
+
+    def sections_between(self, posts: Intervals, top: int) -> "Sections":
+        """The sections between posts, of which `top` is the highest row: from the floor to a little above."""
+        first = int(np.flatnonzero((self.beams.weight > 0).sum(axis=1)[::-1])[0])
+        if self.floor is not None:
+            first = max(first, int(np.clip(self.floor / self.uprights.patch.cell, 0, top - 1)))
+        rows = slice(first, min(len(self.beams.weight), top + self.cells(ABOVE)))
         spans = [(left[1] + 1, right[0] - 1) for left, right in pairwise(posts.cells.tolist())]
-        shown = [self._scores(ratios[:, slice(*span)], widths) for span in spans]
-        picture = self.beams.picture[::-1][first:last]
-        middles = np.arange(len(ratios))[:, None] + widths / 2
-        camera = self.camera[0] / self.uprights.patch.cell - first
-        gap, usual, rear = self.cells(self.parameters.gap), None, 0.0
-        sections: list[Intervals] = []
-        for turn in range(ROUNDS + 1):
-            profile = self._profile(widths, usual)
-            scores = [score + profile + self._levels(number, sections, middles) for number, score in enumerate(shown)]
-            if rear:
-                images = [camera + rear * (_of_front(section, usual or 0.0) - camera) for section in sections]
-                scores = [
-                    score + self.parameters.rear * _is_rear(middles, widths, image, section, usual or 0.0)
-                    for score, image, section in zip(scores, images, sections, strict=True)
-                ]
-            sections = best_intervals(scores, widths, gap)
-            usual = usual_width(sections)
-            if turn == 1 and usual is not None:
-                paint = self._paint(picture, sections, spans)
-                shown = [
-                    self._scores(ratios[:, slice(*span)] + painted[:, slice(*span)], widths)
-                    for span, painted in zip(spans, paint, strict=True)
-                ]
-                rear = rear_ratio(shown, sections, widths, camera, usual)
-        return sections, rear
+        return Sections(self, self.ratios(self.beams, "beam")[rows], self.beams.picture[::-1][rows], spans, first)
 
-    def _paint(
-        self, picture: NDArray[np.uint8], sections: Sequence[Intervals], spans: Sequence[tuple[int, int]]
-    ) -> list[Floats]:
-        """What paint adds to the ratios (rows, columns) in each section, by the sure members of the others."""
-        members, groups = np.zeros((2, len(sections), *picture.shape[:2]), np.bool_)
-        for number, (section, span) in enumerate(zip(sections, spans, strict=True)):
-            groups[number, :, slice(*span)] = True
-            for low, high in section.cells[section.score > SURE].tolist():
-                members[number, low:high, slice(*span)] = True
-        limit = self.parameters.paint_limit
-        return [self.parameters.paint * ratios for ratios in paint_ratios(picture, [*members], [*groups], limit)]
+    def scores(self, ratios: Floats, widths: Ints) -> Floats:
+        """Scores (n, w) of intervals across cells (n, m)."""
+        blocks = self.pooled(ratios)
+        if not blocks.shape[1]:
+            return np.zeros((len(ratios), len(widths)))
+        return interval_scores(blocks, widths, self.occlusion)
 
-    def _scores(self, ratios: Floats, widths: Ints) -> Floats:
-        """Scores (n, w) of intervals across cells (n, m), of which every few along are averaged."""
+    def pooled(self, ratios: Floats) -> Floats:
+        """Means (n, k) of cells (n, m), of which every few along say the same."""
         pooled = self.cells(POOLED)
         blocks = ratios.shape[1] // pooled
-        if not blocks:
-            return np.zeros((len(ratios), len(widths)))
-        mean = ratios[:, : blocks * pooled].reshape(len(ratios), blocks, pooled).mean(axis=2)
-        occlusion = self.parameters.occlusion(self.cell)
-        return interval_scores(mean, widths, replace(occlusion, same_along=max(1.0, occlusion.same_along / pooled)))
+        return np.asarray(ratios[:, : blocks * pooled].reshape(len(ratios), blocks, pooled).mean(axis=2))
 
-    def _profile(self, widths: Ints, usual: float | None) -> Floats:
+    @property
+    def occlusion(self) -> Occlusion:
+        """Of pooled cells."""
+        occlusion = self.parameters.occlusion(self.cell)
+        return replace(occlusion, same_along=max(1.0, occlusion.same_along / self.cells(POOLED)))
+
+    def profile(self, widths: Ints, usual: float | None) -> Floats:
         """Log prior (w,) of widths: about the usual one, once it is known."""
         if usual is None:
             return np.full(len(widths), -np.log(len(widths)))
         cost = 0.5 * np.square((widths - usual) / max(1.0, self.parameters.profile * usual))
         return np.asarray(-cost - np.log(np.exp(-cost).sum()))
 
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """The cells between posts, of which each section is a line of beams: log-likelihood `ratios` (n, columns) by the
+    network's scores, `picture` (n, columns, 3) RGB, `spans` of the sections' columns, and the patch's `first` row."""
+
+    reader: FaceReader
+    ratios: Floats
+    picture: NDArray[np.uint8]
+    spans: Sequence[tuple[int, int]]
+    first: int
+
+    @property
+    def camera(self) -> float:
+        """The camera's height, in cells above the first row."""
+        return self.reader.camera[0] / self.reader.uprights.patch.cell - self.first
+
+    @property
+    def widths(self) -> Ints:
+        """Possible thicknesses of beams (w,), in cells."""
+        return np.arange(NARROWEST, self.reader.cells(HIGHEST))
+
+    @property
+    def gap(self) -> int:
+        """Least gap between two beams, in cells."""
+        return self.reader.cells(self.reader.parameters.gap)
+
+    def read(self) -> tuple[list[Intervals], float]:
+        """The beams of all sections, and the rear members' ratio."""
+        shown, sections, usual, rear = self.shown(None), list[Intervals](), None, 0.0
+        for turn in range(ROUNDS + 1):
+            sections = best_intervals(self.scores(shown, sections, usual, rear), self.widths, self.gap)
+            usual = usual_width(sections)
+            if turn == 1 and usual is not None:
+                shown = self.shown(self.paint(sections))
+                rear = rear_ratio(shown, sections, self.widths, self.camera, usual)
+        return sections, rear
+
+    def shown(self, paint: Sequence[Floats] | None) -> list[Floats]:
+        """Scores (n, w) of intervals in each section by its cells, with what paint adds to their ratios."""
+        weight = self.reader.parameters.paint
+        return [
+            self.reader.scores(
+                self.ratios[:, slice(*span)] + (weight * paint[k][:, slice(*span)] if paint else 0.0), self.widths
+            )
+            for k, span in enumerate(self.spans)
+        ]
+
+    def paint(self, sections: Sequence[Intervals]) -> list[Floats]:
+        """What paint says of each section's cells (n, columns), by the sure members of the others."""
+        members, groups = np.zeros((2, len(sections), *self.picture.shape[:2]), np.bool_)
+        for number, (section, span) in enumerate(zip(sections, self.spans, strict=True)):
+            groups[number, :, slice(*span)] = True
+            for low, high in section.cells[section.score > SURE].tolist():
+                members[number, low:high, slice(*span)] = True
+        return paint_ratios(self.picture, [*members], [*groups], self.reader.parameters.paint_limit)
+
+    def scores(
+        self, shown: Sequence[Floats], sections: Sequence[Intervals], usual: float | None, rear: float
+    ) -> list[Floats]:
+        """Scores (n, w) of intervals in each section with their log prior, by an earlier reading of all sections, if
+        there is one, the usual thickness, and the rear members' ratio."""
+        middles = np.arange(len(self.ratios))[:, None] + self.widths / 2
+        profile = self.reader.profile(self.widths, usual)
+        scores = [score + profile + self._levels(k, sections, middles) for k, score in enumerate(shown)]
+        if not rear or usual is None:
+            return scores
+        images = [self.camera + rear * (_of_front(section, usual) - self.camera) for section in sections]
+        return [
+            score + self.reader.parameters.rear * _is_rear(middles, self.widths, image, section, usual)
+            for score, image, section in zip(scores, images, sections, strict=True)
+        ]
+
     def _levels(self, number: int, sections: Sequence[Intervals], middles: Floats) -> Floats:
         """Log rate of beams at middles (n, w), by how many of the other sections have one there."""
-        others = [section for k, section in enumerate(sections) if k != number]
+        parameters, others = self.reader.parameters, [section for k, section in enumerate(sections) if k != number]
         if not others:
-            return np.full(middles.shape, self.parameters.level)
-        near = self.cells(POOLED) / 2
+            return np.full(middles.shape, parameters.level)
+        near = self.reader.cells(POOLED) / 2
         places = (section.cells.mean(axis=1) for section in others)
         share = sum((np.abs(middles[..., None] - place) <= near).any(axis=-1) for place in places) / len(others)
-        return np.asarray(self.parameters.level + np.log1p(np.expm1(self.parameters.shared) * share))
+        return np.asarray(parameters.level + np.log1p(np.expm1(parameters.shared) * share))
 
 
-def _extent(along: Floats) -> tuple[int, int]:
-    """The rows between which posts show, by the median (rows,) of their log-likelihood ratios."""
+def extent(ratios: Floats, posts: Intervals) -> tuple[int, int]:
+    """The rows between which posts show, by the median along them of their log-likelihood ratios (rows, columns)."""
+    along = np.median([ratios[:, low:high].mean(axis=1) for low, high in posts.cells.tolist()], axis=0)
     summed = np.concatenate([[0.0], np.cumsum(np.clip(along, -2, 2))])
     last = int((summed - np.minimum.accumulate(summed)).argmax())
     return int(summed[: last + 1].argmin()), last

@@ -28,23 +28,39 @@ def find(
 ) -> list[FoundObject]:
     """Uprights "upright 1" ... and beams "bay 1 / beam 1" ..., and what may exist beside them. Raises StructureError
     where no bay shows."""
+    reader = face_reader(gather, path, points, facts, floor)
+    face = reader.read()
+    if face is None:
+        raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
+    if not any(face.sections):
+        raise StructureError(f"row {facts.name}: {len(face.posts)} uprights but no beam between them were found")
+    return [*_objects(face, reader.uprights.patch, beam_depth(points), ROOM * reader.camera[1])]
+
+
+def face_reader(
+    gather: Callable[[PlanePatch], PlaneEvidence],
+    path: Trajectory,
+    points: Mapping[str, np.ndarray],
+    facts: RowFacts,
+    floor: float | None,
+) -> FaceReader:
+    """The reader of the face that a path goes past; arguments are those of `find`."""
     places = path.world_from_rig[:, :3, 3]
     distance = float(np.median(places[:, 2]))
     patch = upright_patch(path, facts, CELL)
-    uprights = gather(patch)
-    depths = [float(point[2]) for name, point in points.items() if " / beam " in name]
-    depth = float(np.median(depths)) if depths else 0.0
+    uprights, depth = gather(patch), beam_depth(points)
     beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
     camera = float(np.median(places[:, 1])) - float(patch.origin[1]), distance
     below = None if floor is None else floor - float(patch.origin[1])
     grid = tracked_grid(points)
     sizes = (grid.width, grid.thickness) if grid else (None, None)
-    face = FaceReader(uprights, beams, camera, below, fitted(), sizes).read()
-    if face is None:
-        raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
-    if not any(face.sections):
-        raise StructureError(f"row {facts.name}: {len(face.posts)} uprights but no beam between them were found")
-    return [*_objects(face, patch, depth, ROOM * distance)]
+    return FaceReader(uprights, beams, camera, below, fitted(), sizes)
+
+
+def beam_depth(points: Mapping[str, np.ndarray]) -> float:
+    """Where the beams' plane is, z, by the points that were solved; the uprights' plane without any."""
+    depths = [float(point[2]) for name, point in points.items() if " / beam " in name]
+    return float(np.median(depths)) if depths else 0.0
 
 
 def _objects(face: Face, patch: PlanePatch, depth: float, room: float) -> Iterator[FoundObject]:

@@ -54,11 +54,14 @@ class FaceParameters:
         return Occlusion(self.hidden, self.chances, max(1.0, self.along / cell), max(1.0, self.across / cell))
 
 
-@lru_cache(1)
 def fitted() -> FaceParameters:
     """The parameters that are shipped."""
-    content: dict[str, Any] = json.loads(FITTED.read_text(encoding="utf-8"))["parameters"]
-    given: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in content.items()
-    }
+    return stored("parameters")
+
+
+@lru_cache
+def stored(name: str) -> FaceParameters:
+    """The "parameters" of the file, or the "first guess" that they were fitted from."""
+    content: dict[str, Any] = json.loads(FITTED.read_text(encoding="utf-8"))[name]
+    given: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
     return FaceParameters(**given)

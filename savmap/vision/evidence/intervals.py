@@ -88,25 +88,21 @@ def best_intervals(scores: Sequence[Floats], widths: Ints, gap: int) -> list[Int
 
     scores: of each line (n, w), log-likelihood ratios and prior together; all lines have n cells.
     """
-    table = np.stack(scores)
+    table, forward = _forward(scores, widths, gap)
     lines, count, _ = table.shape
-    begins = np.arange(count)[:, None]
-    table = np.where(begins + widths > count, -np.inf, table)
-    best, forward, backward = np.zeros((3, count + 1, lines))
+    best, backward = np.zeros((2, count + 1, lines))
     choice = np.full((count + 1, lines), -1)
     each = np.arange(len(widths))
     for end in range(1, count + 1):
         fits = widths <= end
         start = end - widths[fits]
-        before = np.maximum(start - gap, 0)
         value = table[:, start, each[fits]].T
-        options = np.concatenate([best[end - 1][None], best[before] + value])
-        chosen = options.argmax(axis=0)
-        best[end], choice[end] = options.max(axis=0), chosen - 1
-        forward[end] = _log_sum(np.concatenate([forward[end - 1][None], forward[before] + value]))
+        options = np.concatenate([best[end - 1][None], best[np.maximum(start - gap, 0)] + value])
+        best[end], choice[end] = options.max(axis=0), options.argmax(axis=0) - 1
     for begin in range(count - 1, -1, -1):
         after = np.minimum(begin + widths + gap, count)
         backward[begin] = _log_sum(np.concatenate([backward[begin + 1][None], backward[after] + table[:, begin].T]))
+    begins = np.arange(count)[:, None]
     before, after = np.maximum(begins[:, 0] - gap, 0), np.minimum(begins + widths + gap, count)
     likely = np.exp(
         np.minimum(
@@ -129,6 +125,27 @@ def best_intervals(scores: Sequence[Floats], widths: Ints, gap: int) -> list[Int
         own = table[line, ordered[:, 0], np.searchsorted(widths, ordered[:, 1] - ordered[:, 0])]
         result.append(Intervals(ordered, own, likely[line], widths))
     return result
+
+
+def log_partitions(scores: Sequence[Floats], widths: Ints, gap: int) -> Floats:
+    """Of each line (lines,), the log of the sum of e^score over all sets of intervals that are at least `gap` cells
+    apart; the empty set counts 1. Arguments are those of `best_intervals`."""
+    return np.asarray(_forward(scores, widths, gap)[1][-1])
+
+
+def _forward(scores: Sequence[Floats], widths: Ints, gap: int) -> tuple[Floats, Floats]:
+    """The lines' scores (lines, n, w), -inf where intervals do not fit, and the log sums (n + 1, lines) over all sets
+    up to each cell."""
+    table = np.stack(scores)
+    lines, count, _ = table.shape
+    table = np.where(np.arange(count)[:, None] + widths > count, -np.inf, table)
+    forward, each = np.zeros((count + 1, lines)), np.arange(len(widths))
+    for end in range(1, count + 1):
+        fits = widths <= end
+        start = end - widths[fits]
+        value = table[:, start, each[fits]].T
+        forward[end] = _log_sum(np.concatenate([forward[end - 1][None], forward[np.maximum(start - gap, 0)] + value]))
+    return table, forward
 
 
 def _log_sum(values: Floats) -> Floats:

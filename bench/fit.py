@@ -1,0 +1,80 @@
+"""The parameters of the face's model by maximum likelihood on train rows, written with their provenance.
+
+    python -m bench fit [--count 6] [--family rows "grey rows" "dark rows"] [--keep DIR]
+
+Measures both faces of the first drives of each family, as far as a drive goes past all of them, lays the survey on the
+evidence that the model read last, and fits. DIR keeps footage, what was seen of it, and the evidence: another run only
+fits. Figures: the log posterior of the surveyed members, nats, with the first guess and the fitted values.
+"""
+
+import argparse
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+
+from bench.baseline import Figures
+from bench.rows import FAMILIES, measured, sites, survey_on_face
+from savmap.errors import SavmapError
+from savmap.files.atomic import write_bytes, write_text
+from savmap.files.serialization import packed, unpacked
+from savmap_shelves.face_model import FaceReader
+from savmap_shelves.lab.fit import LaidSurvey, SurveyedFace, fit
+from savmap_shelves.likelihood import FITTED, stored
+
+EVIDENCE, GUESS = "evidence", "first guess"
+
+
+def surveyed(site: Path, output: Path) -> SurveyedFace:
+    """The evidence of a simulated site's only row, with its survey, kept in a folder. Raises SavmapError."""
+    kept = output / EVIDENCE
+    if not kept.is_file():
+        face = measured(site, output, ["shelves"])
+        survey, reader = survey_on_face(site, face), face.reader
+        read = [reader.uprights, reader.beams, reader.camera, reader.floor, reader.sizes]
+        write_bytes(kept, packed({"reader": read, "posts": survey.posts, "sections": survey.sections}))
+    content = unpacked(kept.read_bytes(), dict)
+    uprights, beams, camera, floor, sizes = content["reader"]
+    reader = FaceReader(uprights, beams, camera, floor, stored(GUESS), sizes)
+    return SurveyedFace(reader, LaidSurvey(content["posts"], content["sections"]))
+
+
+def faces(given: argparse.Namespace, base: Path) -> Iterator[tuple[str, int, SurveyedFace]]:
+    """Family, seed and evidence of each face that can be measured."""
+    for family, seed, site, output in sites(given, base):
+        try:
+            yield family, seed, surveyed(site, output)
+        except SavmapError as error:
+            print(f"{family}, seed {seed}: {error}"[:120], flush=True)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this bench."""
+    parser.add_argument("--count", type=int, default=6, help="of drives of each family")
+    parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES[:3])
+    parser.add_argument("--frames", type=int, default=40)
+    parser.add_argument("--keep", type=Path, help="keep footage and evidence in this folder")
+    parser.set_defaults(set="train", row="both", references="camera")
+
+
+def run(given: argparse.Namespace) -> Figures:
+    """Fit, and write the parameters."""
+    with tempfile.TemporaryDirectory() as temporary:
+        read = [*faces(given, given.keep or Path(temporary))]
+    result = fit([face for *_, face in read], stored(GUESS), print)
+    provenance = {
+        "fitted": "maximum posterior of the surveyed members of simulated train rows",
+        "faces": Counter(family for family, *_ in read),
+        "seeds": {family: sorted({seed for other, seed, _ in read if other == family}) for family in given.family},
+        "members": result.members,
+        "log posterior, nats": {"first guess": round(result.before, 1), "fitted": round(result.after, 1)},
+        "date": datetime.now(UTC).date().isoformat(),
+        "command": "python -m bench fit",
+    }
+    content = {"provenance": provenance, "parameters": asdict(result.parameters), GUESS: asdict(stored(GUESS))}
+    write_text(FITTED, json.dumps(content, indent=1) + "\n")
+    counts = {"faces": len(read), "lines": result.lines, "members": result.members}
+    return {"fit": {**counts, "first guess nats": result.before, "fitted nats": result.after}}
