@@ -4,7 +4,7 @@
 
 Measures both faces of the first drives of each family, as far as a drive goes past all of them, lays the survey on the
 evidence that the model read last, and fits. DIR keeps footage, what was seen of it, and the evidence: another run only
-fits. Figures: the log posterior of the surveyed members, nats, with the first guess and the fitted values.
+fits. Figures: the log likelihood of the surveyed members, nats, with the first guess and the fitted values.
 """
 
 import argparse
@@ -16,9 +16,11 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
+
 from bench.baseline import Figures
 from bench.rows import FAMILIES, measured, sites, survey_on_face
-from savmap.errors import SavmapError
+from savmap.errors import SavmapError, StructureError
 from savmap.files.atomic import write_bytes, write_text
 from savmap.files.serialization import packed, unpacked
 from savmap_shelves.face_model import FaceReader
@@ -26,6 +28,8 @@ from savmap_shelves.lab.fit import LaidSurvey, SurveyedFace, fit
 from savmap_shelves.likelihood import FITTED, stored
 
 EVIDENCE, GUESS = "evidence", "first guess"
+LEAST_SHARE = 0.5
+"""Of what was found that the survey has: below it the path is so wrong that the survey is not where the evidence is."""
 
 
 def surveyed(site: Path, output: Path) -> SurveyedFace:
@@ -34,9 +38,17 @@ def surveyed(site: Path, output: Path) -> SurveyedFace:
     if not kept.is_file():
         face = measured(site, output, ["shelves"])
         survey, reader = survey_on_face(site, face), face.reader
-        read = [reader.uprights, reader.beams, reader.camera, reader.floor, reader.sizes]
-        write_bytes(kept, packed({"reader": read, "posts": survey.posts, "sections": survey.sections}))
+        mapped = [item for item in face.row.measurements.objects["shelves"] if item.is_mapped]
+        content = {
+            "reader": [reader.uprights, reader.beams, reader.camera, reader.floor, reader.sizes],
+            "posts": survey.posts,
+            "sections": survey.sections,
+            "share": np.mean([exists for _, exists in survey.existing(mapped)]),
+        }
+        write_bytes(kept, packed(content))
     content = unpacked(kept.read_bytes(), dict)
+    if content["share"] < LEAST_SHARE:
+        raise StructureError(f"only {100 * content['share']:.0f} % of what was found is where the survey has something")
     uprights, beams, camera, floor, sizes = content["reader"]
     reader = FaceReader(uprights, beams, camera, floor, stored(GUESS), sizes)
     return SurveyedFace(reader, LaidSurvey(content["posts"], content["sections"]))
@@ -64,13 +76,13 @@ def run(given: argparse.Namespace) -> Figures:
     """Fit, and write the parameters."""
     with tempfile.TemporaryDirectory() as temporary:
         read = [*faces(given, given.keep or Path(temporary))]
-    result = fit([face for *_, face in read], stored(GUESS), print)
+    result = fit([face for *_, face in read], stored(GUESS))
     provenance = {
-        "fitted": "maximum posterior of the surveyed members of simulated train rows",
+        "fitted": "maximum posterior of the surveyed members of simulated rows",
         "faces": Counter(family for family, *_ in read),
         "seeds": {family: sorted({seed for other, seed, _ in read if other == family}) for family in given.family},
         "members": result.members,
-        "log posterior, nats": {"first guess": round(result.before, 1), "fitted": round(result.after, 1)},
+        "log likelihood, nats": {"first guess": round(result.before, 1), "fitted": round(result.after, 1)},
         "date": datetime.now(UTC).date().isoformat(),
         "command": "python -m bench fit",
     }

@@ -134,7 +134,7 @@ class FaceReader:
         """Posts, and the rows between which they show."""
         rows, usual = (0, len(ratios)), None
         for _ in range(ROUNDS):
-            scores = self.post_scores(ratios[slice(*rows)], usual)
+            scores = self.post_scores(self.pooled(ratios[slice(*rows)].T), usual)
             (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))
             if not len(posts.cells):
                 break
@@ -147,9 +147,10 @@ class FaceReader:
         """Possible widths of posts (w,), in cells."""
         return np.arange(NARROWEST, self.cells(WIDEST))
 
-    def post_scores(self, ratios: Floats, usual: float | None) -> Floats:
-        """Scores (n, w) of posts across the columns of cells (rows, n), where this is their usual width, in cells."""
-        return self.scores(ratios.T, self.post_widths) + self.parameters.post + self.profile(self.post_widths, usual)
+    def post_scores(self, blocks: Floats, usual: float | None) -> Floats:
+        """Scores (n, w) of posts across pooled cells (n, k), where this is their usual width, in cells."""
+        widths = self.post_widths
+        return self.block_scores(blocks, widths) + self.parameters.post + self.profile(widths, usual)
 
     def sections_between(self, posts: Intervals, top: int) -> "Sections":
         """The sections between posts, of which `top` is the highest row: from the floor to a little above."""
@@ -162,16 +163,19 @@ class FaceReader:
 
     def scores(self, ratios: Floats, widths: Ints) -> Floats:
         """Scores (n, w) of intervals across cells (n, m)."""
-        blocks = self.pooled(ratios)
+        return self.block_scores(self.pooled(ratios), widths)
+
+    def block_scores(self, blocks: Floats, widths: Ints) -> Floats:
+        """Scores (n, w) of intervals across pooled cells (n, k)."""
         if not blocks.shape[1]:
-            return np.zeros((len(ratios), len(widths)))
+            return np.zeros((len(blocks), len(widths)))
         return interval_scores(blocks, widths, self.occlusion)
 
-    def pooled(self, ratios: Floats) -> Floats:
+    def pooled(self, cells: Floats) -> Floats:
         """Means (n, k) of cells (n, m), of which every few along say the same."""
         pooled = self.cells(POOLED)
-        blocks = ratios.shape[1] // pooled
-        return np.asarray(ratios[:, : blocks * pooled].reshape(len(ratios), blocks, pooled).mean(axis=2))
+        blocks = cells.shape[1] // pooled
+        return np.asarray(cells[:, : blocks * pooled].reshape(len(cells), blocks, pooled).mean(axis=2))
 
     @property
     def occlusion(self) -> Occlusion:

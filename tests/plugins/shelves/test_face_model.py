@@ -81,7 +81,7 @@ def test_beams_of_the_rear_face_are_no_beams() -> None:
 
 
 def test_what_other_sections_have_makes_a_beam_likelier() -> None:
-    faint = 0.22
+    faint = 0.24
     shared = read(without((1, 1)).draw("beam", (3.4, 6.0), LEVELS[1], faint))
     single = read(without((0, 1), (1, 1), (2, 1)).draw("beam", (3.4, 6.0), LEVELS[1], faint))
     assert likely(shared, 1, LEVELS[1]) > 10 * likely(single, 1, LEVELS[1])
