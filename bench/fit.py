@@ -1,10 +1,11 @@
 """The parameters of the face's model by maximum likelihood on train rows, written with their provenance.
 
-    python -m bench fit [--count 6] [--family rows "grey rows" "dark rows"] [--keep DIR]
+    python -m bench fit [--count 6] [--family rows "grey rows" "dark rows"] [--keep DIR] [--write]
 
 Measures both faces of the first drives of each family, as far as a drive goes past all of them, lays the survey on the
 evidence that the model read last, and fits. DIR keeps footage, what was seen of it, and the evidence: another run only
-fits. Figures: the log likelihood of the surveyed members, nats, with the first guess and the fitted values.
+fits. Figures: the log likelihood of the surveyed members, nats, with the first guess and the fitted values. `--write`
+takes these into the shipped file: only if `python -m bench rows` is better by its totals.
 """
 
 import argparse
@@ -69,11 +70,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES[:3])
     parser.add_argument("--frames", type=int, default=40)
     parser.add_argument("--keep", type=Path, help="keep footage and evidence in this folder")
+    parser.add_argument("--write", action="store_true", help="take the fitted values into the shipped file")
     parser.set_defaults(set="train", row="both", references="camera")
 
 
 def run(given: argparse.Namespace) -> Figures:
-    """Fit, and write the parameters."""
+    """Fit, and print or write the parameters."""
     with tempfile.TemporaryDirectory() as temporary:
         read = [*faces(given, given.keep or Path(temporary))]
     result = fit([face for *_, face in read], stored(GUESS))
@@ -86,7 +88,10 @@ def run(given: argparse.Namespace) -> Figures:
         "date": datetime.now(UTC).date().isoformat(),
         "command": "python -m bench fit",
     }
-    content = {"provenance": provenance, "parameters": asdict(result.parameters), GUESS: asdict(stored(GUESS))}
-    write_text(FITTED, json.dumps(content, indent=1) + "\n")
+    content = {"provenance": provenance, "parameters": asdict(result.parameters)}
+    text = json.dumps({**content, GUESS: asdict(stored(GUESS))}, indent=1) + "\n"
+    print(text)
+    if given.write:
+        write_text(FITTED, text)
     counts = {"faces": len(read), "lines": result.lines, "members": result.members}
     return {"fit": {**counts, "first guess nats": result.before, "fitted nats": result.after}}

@@ -103,5 +103,5 @@ def test_a_fit_makes_the_surveyed_members_likelier(monkeypatch: pytest.MonkeyPat
     faint = surveyed(PaintedFace(score=0.25))
     result = fit([faint], GUESS)
     assert result.after > result.before
-    assert likely([faint], result.parameters) == pytest.approx(result.after)
+    assert log_likelihood([Example.of(faint, GUESS)], result.parameters) == pytest.approx(result.after)
     assert (result.lines, result.members) == (5, 13)

@@ -18,7 +18,7 @@ NEAR = 0.2
 """Of the least step from member to member: what is nearer matches."""
 LINE_ROUNDS, TINY = 20, 1e-3
 """Of weighing a line's pairs anew, and the deviation below which all weigh the same, in the path's unit."""
-ITERATIONS, STEP = 10, 1e-3
+ITERATIONS, STEP = 8, 1e-3
 """Of the ascent, and the step of its finite differences, in spreads."""
 SPREADS: Mapping[str, float] = {
     "along": 0.7,
@@ -29,8 +29,6 @@ SPREADS: Mapping[str, float] = {
     "post": 2.0,
     "level": 2.0,
     "rear": 3.0,
-    "upright": 0.3,
-    "beam": 0.3,
 }
 """Standard deviations of parameters about the first guess: few rows do not tell all of them."""
 LOGARITHMIC = ("along", "profile", "shared", "paint", "chances")
