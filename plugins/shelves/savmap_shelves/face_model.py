@@ -131,16 +131,39 @@ class FaceReader:
         return np.asarray(evidence.of(label)[::-1], np.float64)
 
     def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int]]:
-        """Posts, and the rows between which they show."""
-        rows, usual = (0, len(ratios)), None
-        for _ in range(ROUNDS):
-            scores = self.post_scores(self.pooled(ratios[slice(*rows)].T), usual)
-            (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))
-            if not len(posts.cells):
-                break
-            usual = float(np.median(np.diff(posts.cells, axis=1)))
-            rows = extent(ratios, posts)
+        """Posts, and the rows between which they show; by their paint, too, once they are known by the scores."""
+        posts, rows, usual = self._read_posts(ratios, (0, len(ratios)), None)
+        for _ in range(ROUNDS - 2):
+            posts, rows, usual = self._read_posts(ratios, rows, usual)
+        if len(posts.cells) < 2:
+            return posts, rows
+        posts, rows, _ = self._read_posts(
+            ratios + self.parameters.paint * self.paint_of_posts(posts, rows), rows, usual
+        )
         return posts, rows
+
+    def _read_posts(
+        self, ratios: Floats, rows: tuple[int, int], usual: float | None
+    ) -> tuple[Intervals, tuple[int, int], float | None]:
+        """Posts between two rows, where so wide ones are usual; the rows between which they show, and their usual
+        width."""
+        scores = self.post_scores(self.pooled(ratios[slice(*rows)].T), usual)
+        (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))
+        if not len(posts.cells):
+            return posts, rows, usual
+        return posts, extent(ratios, posts), float(np.median(np.diff(posts.cells, axis=1)))
+
+    def paint_of_posts(self, posts: Intervals, rows: tuple[int, int]) -> Floats:
+        """What paint says of the cells (n, columns) around each post, by the other ones."""
+        picture = self.uprights.picture[::-1]
+        nearest = np.abs(np.arange(picture.shape[1])[:, None] - posts.cells.mean(axis=1)).argmin(axis=1)
+        members, groups = np.zeros((2, len(posts.cells), *picture.shape[:2]), np.bool_)
+        for number, (low, high) in enumerate(posts.cells.tolist()):
+            members[number, slice(*rows), low:high] = True
+            groups[number, slice(*rows), nearest == number] = True
+        groups &= self.uprights.weight[::-1] > 0
+        ratios = paint_ratios(picture, [*members], [*groups], self.parameters.paint_limit)
+        return np.asarray(np.choose(nearest, ratios), np.float64)
 
     @property
     def post_widths(self) -> Ints:

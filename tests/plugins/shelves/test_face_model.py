@@ -113,6 +113,18 @@ def test_paint_tells_a_faint_beam_from_what_is_coloured_otherwise() -> None:
     assert likely(read(face((40, 120, 60))), 1, LEVELS[1]) < 0.1
 
 
+def test_paint_tells_a_faint_post_of_this_rack_from_one_of_a_rack_behind() -> None:
+    def face(colour: tuple[int, int, int]) -> PaintedFace:
+        painted = PaintedFace(posts=POSTS[:3], sections=(LEVELS,) * 2)
+        painted.colours[:, 60:90] = (40, 120, 60)
+        for post in POSTS[:3]:
+            painted.draw("upright", post, (0.2, 4.0), 0.9, PAINTED)
+        return painted.draw("upright", POSTS[3], (0.2, 4.0), 0.35, colour)
+
+    assert len(read(face(PAINTED)).posts) == 4
+    assert len(read(face((40, 120, 60))).posts) == 3
+
+
 def test_the_colours_of_the_others_members_tell() -> None:
     picture = np.full((3, 40, 3), 120, np.uint8)
     picture[:, 10:15] = picture[:, 30:35] = PAINTED
