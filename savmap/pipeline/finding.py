@@ -131,7 +131,8 @@ class Finder:
 
         objects = self.plugin.find(evidence, path, points, self.facts, None)
         mapped = [item for item in objects if item.is_mapped]
-        floor = self._floor(path, np.concatenate([np.zeros((0, 3)), *(item.outline for item in mapped)]))
+        outlines = [np.zeros((0, 3)), *(item.outline for item in mapped)]
+        floor = self._floor(path, np.concatenate(outlines)) if exactly else None
         if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
             objects = self.plugin.find(evidence, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]
