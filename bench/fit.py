@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,14 +41,14 @@ def surveyed(site: Path, output: Path) -> SurveyedFace:
         face = measured(site, output, ["shelves"])
         survey, reader = survey_on_face(site, face), face.reader
         mapped = [item for item in face.row.measurements.objects["shelves"] if item.is_mapped]
-        content = {
+        written = {
             "reader": [reader.uprights, reader.beams, reader.camera, reader.floor, reader.sizes],
             "posts": survey.posts,
             "sections": survey.sections,
             "share": np.mean([exists for _, exists in survey.existing(mapped)]),
         }
-        write_bytes(kept, packed(content))
-    content = unpacked(kept.read_bytes(), dict)
+        write_bytes(kept, packed(written))
+    content: dict[str, Any] = unpacked(kept.read_bytes(), dict)
     if content["share"] < LEAST_SHARE:
         raise StructureError(f"only {100 * content['share']:.0f} % of what was found is where the survey has something")
     uprights, beams, camera, floor, sizes = content["reader"]

@@ -13,6 +13,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.representer import SafeRepresenter
 
 from savmap.files.texts import SURROGATES
 
@@ -29,6 +30,7 @@ NO_TOKEN = "cannot start any token"
 TAGS = "tag:yaml.org,2002:"
 VALUES = {f"{TAGS}{kind}" for kind in ("int", "float", "bool", "null")}
 TEXTS = {f"{TAGS}{kind}" for kind in ("str", "timestamp", "value", "merge")}
+NUMBER = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?")
 UNSPACED = re.compile(
     r"\s*(?:- +)*(?P<key>[^\s:\uff1a#'\"{}\[\],]+)(?: *\uff1a\s*(?P<wide>.*)|:(?!//|\\)(?P<value>[^\s:].*))"
 )
@@ -84,7 +86,7 @@ def dumped(content: Mapping[Any, Any], flow: bool | None = False, width: int = 8
     """Plain data as YAML that readers of 1.1, as ROS has, and of 1.2 read alike. flow: whether lists and sections
     stand on one line; None: those that hold none themselves."""
     yaml = YAML(typ="safe", pure=True)
-    yaml.version = (1, 1)
+    yaml.version, yaml.Representer = (1, 1), _Representer
     yaml.default_flow_style, yaml.width = flow, width
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     stream = io.StringIO()
@@ -102,6 +104,18 @@ def unspaced(text: str) -> tuple[str, str] | None:
 def space_needed(key: str, value: str) -> str:
     """What to do about an unspaced key and value."""
     return f"a colon and a space stand between a key and its value: write `{key}: {value}`"
+
+
+class _Representer(SafeRepresenter):
+    """Quotes the texts that are numbers in YAML 1.2 alone, such as 0e0."""
+
+
+def _text(representer: SafeRepresenter, text: str) -> ScalarNode:
+    node: ScalarNode = representer.represent_scalar(f"{TAGS}str", text, style="'" if NUMBER.fullmatch(text) else None)
+    return node
+
+
+_Representer.add_representer(str, _text)
 
 
 class _Reader:

@@ -78,6 +78,7 @@ def test_what_is_dumped_is_read_alike_by_yaml_1_1_and_1_2(flow: bool | None) -> 
         "2024-01-02",
         "0x1F",
         "1e3",
+        "0E0",
         "~",
         "",
         "a: b",
