@@ -50,7 +50,7 @@ VAGUE = {
 }
 """Names that say nothing of what a variable holds."""
 TO_BE_REPLACED = re.compile(
-    r"plugins/shelves/savmap_shelves/(boundaries|tracking|evidence)/|plugins/lights/savmap_lights/(picture|space)/|"
+    r"plugins/shelves/savmap_shelves/(boundaries|tracking|evidence)/|plugins/lights/savmap_lights/picture/|"
     r"savmap/(vision/evidence|graph/solver/judgement)/"
 )
 """Recognition by rules, which one model replaces: it is not cleaned any more."""

@@ -437,9 +437,9 @@ class RowWalk:
         return View(spec, panorama.frame, panorama.stamp_s, views[key].image)
 
     def _strip(self, panorama: Panorama) -> PanoramaStrip | None:
-        """The part of a panorama that is shown to plugins whose structure lies in planes: its edges may be measured
-        once more."""
-        specs = [spec for (plugin, _), spec in self.plan.views().items() if plugin in self.packed_views]
+        """The part of a panorama that is shown to plugins whose edges are measured once more."""
+        later = self._measured_later()
+        specs = [spec for (plugin, _), spec in self.plan.views().items() if plugin in later]
         if not any(spec.shows(panorama.frame) for spec in specs):
             return None
         region = self._region or region_of(specs, panorama.height)
@@ -450,22 +450,28 @@ class RowWalk:
         self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]
     ) -> tuple[FrameRecord, dict[str, dict[str, bytes]]]:
         """All plugins' features in a frame's views, and these packed; what networks gave for them, by plugin and
-        view. Of what is found in all frames and measured later, only as much as locates the camera is extracted here,
-        from masks."""
+        view. Of plugins that locate the camera, and whose structure is found in all frames and measured later, only as
+        much as locates is extracted here, from masks."""
         features: dict[str, list[Feature]] = {name: [] for name in self.features}
         packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
-        maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
+        maps: dict[str, dict[str, bytes]] = {name: {} for name in self._measured_later()}
         for view in views:
             for plugin in self._plugins_at(view):
-                if plugin.name not in packed_views or plugin.name in self.locators:
-                    detections = self.segmenters.detect(plugin, view)
-                    pixels = panorama if plugin.name not in packed_views else None
-                    features[plugin.name] += plugin.extract_features(view, detections, pixels)
+                is_measured_later = plugin.name in maps
+                detections = self.segmenters.detect(plugin, view)
+                pixels = None if is_measured_later else panorama
+                features[plugin.name] += plugin.extract_features(view, detections, pixels)
                 if plugin.name in packed_views:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))
-                    maps[plugin.name][view.spec.name] = packed_maps(seen)
+                    if is_measured_later:
+                        maps[plugin.name][view.spec.name] = packed_maps(seen)
         return FrameRecord(features, packed_views, cuts), maps
+
+    def _measured_later(self) -> frozenset[str]:
+        """The plugins that locate the camera, and whose structure lies in planes: what they find is measured once the
+        camera is located."""
+        return frozenset(self.locators.intersection(self.packed_views))
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]

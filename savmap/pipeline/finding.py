@@ -43,6 +43,8 @@ from savmap.vision.strips import PanoramaStrip
 
 UPRIGHT, STRAY_PX = 0.99, 5.0
 """How far outside of its outline an object may be seen by the first path."""
+INWARDS_PX = 5.0
+"""How far within an object a point of it is that is not measured again: several objects may look like one."""
 REACH = 3.0
 """What is further ahead or behind, in distances from its plane, is seen too far aslant to be measured."""
 
@@ -102,11 +104,11 @@ class Finder:
         return Asked(path, replace(measurements, path=path))
 
     def seen_from_path(self, asked: Asked, monitor: Monitor) -> Asked:
-        """With the objects of a plugin that needs to be told where the camera was."""
+        """With the objects of a plugin that needs to be told where the camera was: the walk measured them."""
         if asked.path is None:
             return asked
         try:
-            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}, True))
+            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}, False))
         except StructureError as error:
             monitor.note(str(error))
             return Asked(asked.path, self._with(asked.measurements, [], []))
@@ -121,12 +123,12 @@ class Finder:
     ) -> RowMeasurements:
         """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines, and
         beside these the parts that only masks tell, such as where something ends; else those of the walk."""
-        gathered: dict[tuple[bytes, bytes, float], PlaneEvidence] = {}
+        gathered: dict[tuple[bytes, bytes, float, bool], PlaneEvidence] = {}
 
-        def evidence(patch: PlanePatch) -> PlaneEvidence:
-            key = np.append(patch.origin, patch.size).tobytes(), patch.axes.tobytes(), patch.cell
+        def evidence(patch: PlanePatch, picture: bool = True) -> PlaneEvidence:
+            key = np.append(patch.origin, patch.size).tobytes(), patch.axes.tobytes(), patch.cell, picture
             if key not in gathered:
-                gathered[key] = self._gather(path, patch)
+                gathered[key] = self._gather(path, patch, picture)
             return gathered[key]
 
         objects = self.plugin.find(evidence, path, points, self.facts, None)
@@ -154,10 +156,10 @@ class Finder:
             objects={**measurements.objects, name: tuple(objects)},
         )
 
-    def _gather(self, path: Trajectory, patch: PlanePatch) -> PlaneEvidence:
+    def _gather(self, path: Trajectory, patch: PlanePatch, picture: bool) -> PlaneEvidence:
         if patch.up[1] > UPRIGHT:
             self._faces.append(patch)
-        return gather(patch, self.plugin.classes, self.packed_views, self.facts.views, path)
+        return gather(patch, self.plugin.classes, self.packed_views, self.facts.views, path, picture)
 
     def _floor(self, path: Trajectory, points: Floats) -> FloorHeight | None:
         """Where the floor is before the upright plane that was looked at last, where the pictures tell."""
@@ -180,8 +182,10 @@ class Finder:
         of_view: dict[tuple[int, str], list[Feature]] = defaultdict(list)
         for feature in self.walked.measurements.features[self.plugin.name]:
             of_view[feature.frame, feature.view].append(feature)
+        inwards = np.inf if self.plugin.name in self.walked.measurements.locators else INWARDS_PX
         for frame, view, pose, near in self._shown(objects, path):
-            yield from features_of(of_view[frame, view], outlines_in(self.facts.views[view], pose, near), STRAY_PX)
+            outlines = outlines_in(self.facts.views[view], pose, near)
+            yield from features_of(of_view[frame, view], outlines, STRAY_PX, inwards)
 
     def _features(self, objects: list[FoundObject], path: Trajectory) -> Iterator[Feature]:
         """What is measured of objects in all frames whose pose is known."""

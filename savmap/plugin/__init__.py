@@ -69,6 +69,7 @@ if TYPE_CHECKING:
     from savmap.types import Floats as Floats
     from savmap.types import FoundObject as FoundObject
     from savmap.types import FrameTable as FrameTable
+    from savmap.types import Gather as Gather
     from savmap.types import Ints as Ints
     from savmap.types import JointCovariance as JointCovariance
     from savmap.types import MapWarning as MapWarning
@@ -123,8 +124,8 @@ _NAMES = {
     "savmap.types": (
         "Attribute Axis Bools CrossRowLandmark Detection Distances Drawing Feature FlatParts Floats "
         "FoundObject MapWarning "
-        "FrameTable Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid "
-        "Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
+        "FrameTable Gather Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap "
+        "Solid Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.view_planning": (
         "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at fit_count fit_height "

@@ -17,10 +17,10 @@ from savmap.types import (
     FlatParts,
     Floats,
     FoundObject,
+    Gather,
     JointCovariance,
     MapWarning,
     Panorama,
-    PlaneEvidence,
     PlanePatch,
     RowFacts,
     SiteMap,
@@ -97,7 +97,7 @@ def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> T
 
 @hookspec(firstresult=True)
 def find(
-    gather: Callable[[PlanePatch], PlaneEvidence],
+    gather: Gather,
     path: Trajectory,
     points: Mapping[str, Floats],
     facts: RowFacts,

@@ -21,6 +21,7 @@ from savmap.types.drawings import Tone as Tone
 from savmap.types.evidence import FlatDepth as FlatDepth
 from savmap.types.evidence import FlatParts as FlatParts
 from savmap.types.evidence import FoundObject as FoundObject
+from savmap.types.evidence import Gather as Gather
 from savmap.types.evidence import PlaneEvidence as PlaneEvidence
 from savmap.types.evidence import PlanePatch as PlanePatch
 from savmap.types.maps import Alignment as Alignment

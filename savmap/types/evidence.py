@@ -3,6 +3,7 @@ there, and how deep flat parts lie."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,18 +69,28 @@ class PlanePatch:
 @array_record
 class PlaneEvidence:
     """What the pictures show of a patch on average: `mean` (classes, rows, columns) are the classes' probabilities,
-    `weight` (rows, columns) how much was seen of a cell (0: nothing), and `picture` (rows, columns, 3) uint8 RGB the
-    patch itself."""
+    `weight` (rows, columns) how much was seen of a cell (0: nothing), `picture` (rows, columns, 3) uint8 RGB the patch
+    itself, and `views` (rows, columns) how many views show a cell: so many of one weight give a mean of this variance.
+    """
 
     patch: PlanePatch
     classes: tuple[str, ...]
     mean: NDArray[np.float32]
     weight: NDArray[np.float32]
     picture: NDArray[np.uint8]
+    views: NDArray[np.float32]
 
     def of(self, label: str) -> NDArray[np.float32]:
         """The mean probability (rows, columns) of a class."""
         return np.asarray(self.mean[self.classes.index(label)])
+
+
+class Gather(Protocol):
+    """What all frames show of a plane, as `find` is given it."""
+
+    def __call__(self, patch: PlanePatch, picture: bool = True) -> PlaneEvidence:
+        """The evidence of a patch. Without `picture` the patch's is black, and takes no time."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

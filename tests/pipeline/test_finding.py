@@ -203,12 +203,21 @@ def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     assert len(measured.objects["one"]) == 2 - again
 
 
-def test_a_plugin_that_is_told_the_path_finds_once(solved: list[RowMeasurements]) -> None:
-    asked = Asked(lambda floor: [light(1, -0.8)])
-    measured = find_structures(walked(asked.plugin, locates=False, path=PATH), NoteCollector()).measurements
-    assert (asked.located, asked.paths, asked.pixels) == (0, [PATH], [True] * COUNT)
+def test_a_plugin_that_is_told_the_path_finds_once_what_the_walk_measured(solved: list[RowMeasurements]) -> None:
+    asked = Asked(lambda floor: [light(1, -0.8), light(2, -0.4)])
+    row = walked(asked.plugin, locates=False, path=PATH)
+    ends = [(23.0, "end a", 0), (43.0, "end b", 0), (80.0, "end a", 1)]
+    features = [
+        Feature(frame, SHOWN.name, "light", part, number, np.array([[x, 32.0]]), np.eye(2)[None])
+        for frame in range(COUNT)
+        for x, part, number in ends
+    ]
+    row = replace(row, measurements=replace(row.measurements, features={"one": features}))
+    measured = find_structures(row, NoteCollector()).measurements
+    assert (asked.located, asked.paths, asked.pixels) == (0, [PATH], [])
     assert solved == []
-    assert len(measured.features["one"]) == COUNT
+    objects = [feature.object for feature in measured.features["one"]]
+    assert objects == ["light 1", "light 2", ""] * COUNT
 
 
 def test_a_plugin_that_is_told_the_path_and_finds_nothing_is_noted() -> None:
@@ -241,13 +250,13 @@ def test_what_locates_the_camera_and_finds_or_solves_nothing_ends_the_row(monkey
 def test_frames_beside_those_with_a_pose_are_measured_on_the_way_that_these_give() -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
     some = Trajectory(PATH.frames[1:3], PATH.world_from_rig[1:3])
-    row = walked(asked.plugin, locates=False, path=some)
+    row = walked(asked.plugin, path=some)
     assert [f.frame for f in find_structures(row, NoteCollector()).measurements.features["one"]] == [*range(COUNT)]
     np.testing.assert_allclose(asked.paths[0].world_from_rig, PATH.world_from_rig, atol=1e-9)
 
 
 def test_frames_without_a_strip_are_not_measured() -> None:
-    row = replace(walked(Asked(lambda floor: [light(1, -0.8)]).plugin, locates=False, path=PATH), journal=Journal())
+    row = replace(walked(Asked(lambda floor: [light(1, -0.8)]).plugin, path=PATH), journal=Journal())
     assert find_structures(row, NoteCollector()).measurements.features["one"] == []
 
 

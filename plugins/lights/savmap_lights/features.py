@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 
 from savmap.plugin import Detection, Feature, Floats, View, point_feature, touches_border
-from savmap_lights.picture.compact import Compact, compacts_of, more_like, stands_out
+from savmap_lights.picture.compact import Compact, compacts_of, more_like
 from savmap_lights.picture.glare import Glare, beside_compact, beside_strip, compact_again, glare_of, strip_again
 from savmap_lights.picture.likes import FIRST_FAINT, compact_likes, with_likes
 from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
-from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips, without_hidden_ends
+from savmap_lights.picture.strips import VARYING, Body, strips, without_hidden_ends
 
 FIRST_LIKE = 20_000
-GLARING, OUTLINED, MASKED = 30_000, 55_000, 60_000
+GLARING, MASKED = 30_000, 60_000
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
 FAINT_PX = 1.5
@@ -48,12 +48,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     )
     features += _compact(view, detections, lamps, 0)
     features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
-    return features + _by_mask(view, grey, detections, left - _numbers(compact, lit))
-
-
-def is_by_mask(feature: Feature) -> bool:
-    """Whether a feature was measured in a mask alone, and the brightness does not fall on all sides of it."""
-    return not FIRST_STRIP <= feature.instance < MASKED
+    return features + _by_mask(view, detections, left - _numbers(compact, lit))
 
 
 Known = tuple[int, Compact, Seed]
@@ -117,9 +112,8 @@ def _compact(view: View, detections: Sequence[Detection], lamps: Sequence[Sure],
     return features
 
 
-def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], numbers: Set[int]) -> list[Feature]:
-    """Features of lamps whose ends the picture does not show, from the network's probability; compact ones with an
-    instance from `OUTLINED` where they stand out all the same, as in a lit case."""
+def _by_mask(view: View, detections: Sequence[Detection], numbers: Set[int]) -> list[Feature]:
+    """Features of lamps whose ends the picture does not show, from the network's probability."""
     if not numbers:
         return []
     shared = {id(detections[number].probability): detections[number].probability for number in numbers}
@@ -131,8 +125,7 @@ def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], numbers
     for seed in again:
         detection = detections[seed.number]
         if seed.number not in taken and not touches_border(detection.mask):
-            instance = seed.number + OUTLINED * stands_out(grey, detection)
-            features.append(point_feature(view, detection, instance, "centre", seed.middle, BY_MASK_PX))
+            features.append(point_feature(view, detection, seed.number, "centre", seed.middle, BY_MASK_PX))
     return features
 
 

@@ -10,8 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import is_whole, with_open_ends, with_solids, with_unseen_sides
+from savmap_lights.find import find
+from savmap_lights.open_ends import with_open_ends
 from savmap_lights.scores import centre_of, score_lamps
+from savmap_lights.solids import with_solids
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
 
@@ -70,7 +72,7 @@ class Lights:
     classes = ("light",)
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
-    reference_names = tuple(f"light # / {part}" for part in ("centre", "end #", "glimpse", "middle", "side"))
+    reference_names = tuple(f"light # / {part}" for part in ("centre", "end #"))
     scale_settings = ()
     after_pixels = ("line",)
     needs_path = True
@@ -91,13 +93,18 @@ class Lights:
         return door.count_view_plan(pass_preview, predict, manual, attitude, "ceiling", door.UPWARDS, every=every)
 
     @hookimpl
+    def find(self, gather: door.Gather, path: Trajectory, facts: RowFacts) -> list[door.FoundObject]:
+        """The lamps of the line nearest above the camera's path."""
+        return find(gather, path, facts)
+
+    @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:
         """Centres and ends of lamps."""
         return extract_features(view, detections)
 
     @hookimpl
     def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
-        """The lamps of the line nearest above the camera's path."""
+        """Ends of strips, centres of compact lamps."""
         return track_lamps(features, facts, start)
 
     @hookimpl
@@ -110,11 +117,9 @@ class Lights:
 
     @hookimpl
     def describe(self, tracks: Sequence[Track], landmarks: Mapping[str, door.Landmark]) -> list[Structure]:
-        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". Of a strip with one
-        end in sight, the other is as far as it was seen, and not known along x. The space that a lamp fills has an
-        assumed width and height."""
-        lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
-        return with_unseen_sides(with_solids(lamps), tracks)
+        """A structure "light 1" for each lamp, with the vertices "end 0" and "end 1", or "centre". The space that a
+        lamp fills has an assumed width and height."""
+        return with_solids(with_open_ends(door.point_structures(tracks, landmarks, LOST_M)))
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:
@@ -123,7 +128,6 @@ class Lights:
         return [
             door.CrossRowLandmark(lamp.id, lamp.label, centre_of(lamp)[0], np.asarray(lamp.covariances.mean(axis=0)))
             for lamp in structures
-            if is_whole(lamp)
         ]
 
     @hookimpl

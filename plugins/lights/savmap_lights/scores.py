@@ -7,7 +7,6 @@ import numpy as np
 
 import savmap.plugin as door
 from savmap.plugin import Bools, Floats, Structure, SurveyEntry
-from savmap_lights.open_ends import is_whole
 
 GATE_M = 1.0
 SAME_LINE_M = 0.75
@@ -25,9 +24,8 @@ def score_lamps(lamps: Sequence[Structure], surveyed: Floats, ends_x: tuple[floa
     strips in both.
 
     Asked for are the lamps over the row's aisle: of the lines before the face, the one that the mapped lamps are
-    nearest to, or, without any, the one nearest to the face. A strip of which an end was never seen is not compared.
+    nearest to, or, without any, the one nearest to the face.
     """
-    lamps = [lamp for lamp in lamps if is_whole(lamp)]
     middles = surveyed.mean(axis=1)
     score = door.score_points(lamps, middles[:, None], GATE_M, "lights", ends_x, centre_of, over_aisle(lamps, middles))
     matched = [lamp for lamp in lamps if np.isfinite(score.deviations.get(lamp.id, np.inf)) and len(lamp.vertices) == 2]

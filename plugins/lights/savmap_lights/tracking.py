@@ -1,152 +1,169 @@
-"""Lamps through the sequence: a search in space, for the camera's path is known from what was tracked before.
+"""Tracks of lamps: every feature names the lamp that it was measured of, and its rays tell which of them agree."""
 
-A sweep through heights finds the plane of the lamps (paper, section III.D). There, ends that point the same way and
-fall on one another in many frames are ends; what hides a lamp for some frames, or a mask that ends in its midst, falls
-on nothing.
-"""
-
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.plugin import Feature, Floats, Ints, RowFacts, Track, Trajectory, project, sightings, track_of
-from savmap_lights.features import is_by_mask
+from savmap.plugin import (
+    Bools,
+    Feature,
+    Floats,
+    Ints,
+    RowFacts,
+    Sightings,
+    StructureError,
+    Track,
+    Trajectory,
+    project,
+    sightings,
+    track_of,
+)
 from savmap_lights.space.ends import Fitted, Rays, fit
-from savmap_lights.space.lamps import lamps_of, lit_stretches
-from savmap_lights.space.line import LEAST_FRAMES, SAME_LINE_M, Marks, level_of, line_of, marks_of, no_lamp
 from savmap_lights.space.partial import completed
-from savmap_lights.space.places import Aisle, Lamp, Place
 from savmap_lights.space.scatter import scatter
-from savmap_lights.space.ties import point_of
-from savmap_lights.space.unmapped import Light, light_before, light_beyond, shining
 
 MAX_SLOPE = 3.0
-LEAST_FITTING, MOST_FIT = 2, 0.5
-OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
+"""Rays that are flatter tell little."""
+LEAST_FRAMES = 3
+"""In how many frames each end of a lamp is measured at least."""
+WIDTH, REACH = 0.012, 3.0
+"""The scatter of the marks of one place, as a share of the height above the camera, and how many times that is near."""
 PATH_M = 0.007
-SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
-OFTEN = "light beyond, frames for those that show its neighbours, %"
-BY_MASK, MOSTLY = "measured in masks alone, %", 0.75
+"""The standard deviation of the camera's positions."""
+PARTS = {(-1, 0): "end 0", (1, 0): "end 1", (0, -1): "end 0", (0, 1): "end 1", (0, 0): "centre"}
+"""The parts of lamps by the direction along x and z in which the lamp ends there."""
 
 
-def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory) -> list[Track]:
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Sightings of ends and centres of lamps: of which lamp each is (n,), and `outward` (n, 2), the direction along x
+    and z, 0 or +-1, in which the lamp ends there; (0, 0) for centres of compact lamps."""
+
+    sightings: Sightings
+    lamp: Ints
+    outward: Ints
+
+    def where(self, keep: Bools) -> "Marks":
+        """The marks for which a mask (n,) is true."""
+        return Marks(self.sightings.where(keep), self.lamp[keep], self.outward[keep])
+
+    def places(self) -> tuple[Ints, Ints]:
+        """The marks' places: lamp and outward direction (p, 3) of each, and each mark's place (n,)."""
+        names, place = np.unique(np.column_stack([self.lamp, self.outward]), axis=0, return_inverse=True)
+        return names, place.ravel()
+
+
+def track_lamps(features: Sequence[Feature], facts: RowFacts, path: Trajectory) -> list[Track]:
     """Tracks "light 3 / end 0" and "light 3 / end 1" (towards +x, or, of strips across the aisle, +z) of strips, "light
-    3 / centre" of compact lamps. The pixels of strips' ends are those of their middle height.
-
-    Lamps are those of the line nearest above the camera's path, numbered along x from 1.
-    Raises StructureError when no lamp is seen in at least three frames.
-    """
-    observed = sightings(features, facts, start, upwards=True, max_slope=MAX_SLOPE)
-    marks = marks_of(observed)
-    if len(np.unique(marks.sightings.frames)) < LEAST_FRAMES:
-        raise no_lamp()
-    level = level_of(marks)
-    line = line_of(marks, level)
-    observed = sightings(completed(features, observed, level, line), facts, start, upwards=True, max_slope=MAX_SLOPE)
-    marks = marks_of(observed)
-    marks = marks.where(np.abs(marks.aside(level) - line) <= SAME_LINE_M)
-    glimpses = observed.where(observed.of_part("glimpse"))
-    lit = lit_stretches(observed.where(observed.of_part("middle")), level, line, facts)
-    lamps = lamps_of(Aisle(marks, level, line, lit, glimpses.at(level), glimpses.frames, facts, start))
-    if not lamps:
-        raise no_lamp()
-    tracks = _tracks(lamps, marks, level, line, facts, start)
-    complete = _complete(tracks, lamps)
-    mapped = [lamps[number - 1] for number in complete]
-    places = shining(observed, level, line, mapped)
-    return _numbered(tracks, complete, light_before(mapped, places), light_beyond(mapped, places))
+    3 / centre" of compact lamps. The pixels of strips' ends are those of their middle height. A strip of which an end
+    is not measured has one track. Raises StructureError where no lamp is measured in at least three frames."""
+    named = [feature for feature in features if feature.object]
+    observed = sightings(named, facts, path, upwards=True, max_slope=MAX_SLOPE)
+    marks = of_one_kind(marks_of(observed, ("centre", "glimpse")))
+    if len(marks.lamp):
+        level = level_of(marks)
+        z = float(np.median(marks.sightings.at(level)[:, 1]))
+        observed = sightings(completed(named, observed, level, z), facts, path, upwards=True, max_slope=MAX_SLOPE)
+        marks = frequent(gathered(of_one_kind(marks_of(observed, ("centre",))), level))
+    if not len(marks.lamp):
+        raise StructureError(f"row {facts.name}: no lamp is measured in at least {LEAST_FRAMES} frames")
+    return [*_tracks(marks, level, facts, path)]
 
 
-def _tracks(
-    lamps: Sequence[Lamp], marks: Marks, level_m: float, line_z: float, facts: RowFacts, path: Trajectory
-) -> list[Track]:
+def marks_of(observed: Sightings, compact_parts: Sequence[str]) -> Marks:
+    """The ends of strips, and the centres of compact lamps: the parts that tell these. An end points away from the
+    middle of the visible part of its strip."""
+    middles = {
+        (feature.frame, feature.view, feature.instance): slope
+        for feature, slope in zip(observed.features, observed.slopes, strict=True)
+        if feature.part == "middle"
+    }
+    outward = np.zeros((len(observed.features), 2), np.int64)
+    kept = np.zeros(len(observed.features), np.bool_)
+    for index, (feature, slope) in enumerate(zip(observed.features, observed.slopes, strict=True)):
+        middle = middles.get((feature.frame, feature.view, feature.instance))
+        kept[index] = feature.part in compact_parts if middle is None else feature.part.startswith("end")
+        if middle is not None and kept[index]:
+            axis = int(np.argmax(np.abs(slope - middle)))
+            outward[index, axis] = int(np.sign(slope[axis] - middle[axis]))
+    lamps = np.array([int(feature.object.split()[1]) for feature in observed.features], np.int64)
+    return Marks(observed, lamps, outward).where(kept)
+
+
+def of_one_kind(marks: Marks) -> Marks:
+    """The marks of the kind of most: ends of strips along the line, or across it, or centres of compact lamps."""
+    compact = (marks.outward == 0).all(axis=1)
+    kinds = [marks.outward[:, 0] != 0, marks.outward[:, 1] != 0, compact]
+    return marks.where(kinds[int(np.argmax([kinds[0].sum(), kinds[1].sum(), 2 * compact.sum()]))])
+
+
+def level_of(marks: Marks) -> float:
+    """The height, m, at which most pairs of rays to one place meet."""
+    _, place = marks.places()
+    first, second = np.nonzero(np.triu(place[:, None] == place[None], 1))
+    slopes, origins = marks.sightings.slopes[:, 0], marks.sightings.origins
+    starts = origins[:, 0] - origins[:, 1] * slopes
+    turn = slopes[first] - slopes[second]
+    usable = np.abs(turn) > 0
+    heights = (starts[second] - starts[first])[usable] / turn[usable]
+    order = np.argsort(heights)
+    total = np.cumsum(np.abs(turn[usable])[order])
+    if not len(total):
+        return float(np.median(origins[:, 1]))
+    return float(heights[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def gathered(marks: Marks, level: float) -> Marks:
+    """Of every frame, the mark of each place that is nearest to where most of the place's marks are."""
+    (names, place), points = marks.places(), marks.sightings.at(level)
+    width = WIDTH * (level - float(np.median(marks.sightings.origins[:, 1])))
+    kept = np.zeros(len(place), np.bool_)
+    for number in range(len(names)):
+        indices = np.flatnonzero(place == number)
+        separation = np.square(points[indices, None] - points[indices]).sum(axis=2) / width**2
+        away = separation[np.exp(-separation / 2).sum(axis=1).argmax()]
+        order = np.lexsort((away, marks.sightings.frames[indices]))
+        _, first = np.unique(marks.sightings.frames[indices][order], return_index=True)
+        nearest = order[first]
+        kept[indices[nearest[away[nearest] < REACH**2]]] = True
+    return marks.where(kept)
+
+
+def frequent(marks: Marks) -> Marks:
+    """The marks of places that are measured in enough frames."""
+    place = marks.places()[1]
+    return marks.where((np.bincount(place) >= LEAST_FRAMES)[place])
+
+
+def sigmas(observed: Sightings, level: float, facts: RowFacts) -> Floats:
+    """The standard deviations (n,) m, along x, of where rays meet a level."""
+    focal = np.array([facts.views[feature.view].camera[0, 0] for feature in observed.features])
+    pixels = np.array([np.sqrt(feature.covariance[0, 0, 0]) for feature in observed.features])
+    above = level - observed.origins[:, 1]
+    return np.asarray(np.hypot(PATH_M, pixels / focal * above * (1 + np.square(observed.slopes).sum(axis=1))))
+
+
+def _tracks(marks: Marks, level: float, facts: RowFacts, path: Trajectory) -> Iterator[Track]:
     """The lamps' tracks, of the marks that fit, moved to the lamps' middle height."""
-    named = [(number, part, place) for number, lamp in enumerate(lamps) for part, place in lamp.items()]
-    rays, index = _rays(named, marks, level_m, facts)
-    fitted = fit(rays, level_m)
-    across_m = (
-        marks.sightings.origins[index, 2] + (fitted.heights[rays.lamp] - rays.height) * marks.sightings.slopes[index, 1]
-    )
-    agree, wider = scatter(across_m, rays.sigma, rays.place, fitted.kept)
+    (names, place), observed = marks.places(), marks.sightings
+    lamp = np.unique(marks.lamp, return_inverse=True)[1].ravel()
+    slope, sigma = observed.slopes[:, 0], sigmas(observed, level, facts)
+    edge = -marks.outward[:, 0] * np.sign(slope).astype(np.int64)
+    rays = Rays(place, lamp, observed.origins[:, 0], observed.origins[:, 1], slope, edge, sigma)
+    fitted = fit(rays, level)
+    z = observed.origins[:, 2] + (fitted.heights[lamp] - observed.origins[:, 1]) * observed.slopes[:, 1]
+    agree, wider = scatter(z, sigma, place, fitted.kept)
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
-    tracks = []
-    for number, (lamp, part, place) in enumerate(named):
-        agreeing = np.flatnonzero((rays.place == number) & agree)
-        fits = len(agreeing) >= MOST_FIT * (rays.place == number).sum()
-        if len(agreeing) < LEAST_FITTING or not fits:
-            continue
-        features = [
-            _at_middle(_widened(marks.sightings.features[index[k]], wider[k]), fitted, rays, k, line_z, poses, facts)
-            for k in agreeing.tolist()
+    for number, (name, *outward) in enumerate(names.tolist()):
+        agreeing = np.flatnonzero((place == number) & agree)
+        middle = np.array([fitted.places[number], 0.0, np.median(z[agreeing])]) if len(agreeing) else np.zeros(3)
+        measured = [
+            _at_middle(_widened(observed.features[ray], wider[ray]), fitted, rays, ray, middle, poses, facts)
+            for ray in agreeing.tolist()
         ]
-        track = track_of(lamp + 1, part, features)
-        if _is_vaguely_off(track, float(fitted.heights[lamp]) - level_m, facts, path):
-            continue
-        if place.seen_to is not None:
-            track = replace(track, place={**track.place, SEEN_TO: round(1000 * place.seen_to)})
-        by_mask = float(np.mean([is_by_mask(feature) for feature in features]))
-        if part == "centre" and by_mask >= MOSTLY:
-            track = replace(track, place={**track.place, BY_MASK: round(100 * by_mask)})
-        tracks.append(track)
-    return tracks
-
-
-def _is_vaguely_off(track: Track, off_m: float, facts: RowFacts, path: Trajectory) -> bool:
-    """Whether a track seems to be on another plane than the lamps, without its rays being sure of that: no lamp."""
-    if abs(off_m) <= OTHER_PLANE_M:
-        return False
-    _, covariance = point_of(track, facts, path)
-    return abs(off_m) < SURELY_OFF * float(np.sqrt(covariance[1, 1]))
-
-
-def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
-    """The numbers of the lamps that have all their tracks. Raises StructureError where none has."""
-    numbers = [int(track.place[track.label]) for track in tracks]
-    complete = [n for n in dict.fromkeys(numbers) if numbers.count(n) == len(lamps[n - 1])]
-    if not complete:
-        raise no_lamp()
-    return complete
-
-
-def _numbered(
-    tracks: Sequence[Track], complete: Sequence[int], before: Light | None, beyond: Sequence[Light | None]
-) -> list[Track]:
-    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp
-    explains, the first with that of such light before it."""
-    numbered = []
-    numbers = [int(track.place[track.label]) for track in tracks]
-    shown = [max(len(t.frames) for t, n in zip(tracks, numbers, strict=True) if n == lamp) for lamp in complete]
-    for track in tracks:
-        if track.place[track.label] in complete:
-            index = complete.index(int(track.place[track.label]))
-            name = f"{track.label} {index + 1} / {track.place['part']}"
-            lights = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
-            places = {key: round(1000 * light.x) for key, light in lights.items() if light is not None}
-            after = beyond[index]
-            often = (
-                {}
-                if after is None
-                else {OFTEN: round(200 * after.frames / sum((shown + shown[-1:])[index : index + 2]))}
-            )
-            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **places, **often}))
-    return numbered
-
-
-def _rays(named: Sequence[tuple[int, str, Place]], marks: Marks, level_m: float, facts: RowFacts) -> tuple[Rays, Ints]:
-    """The rays to all places along x, and the index of each one's mark."""
-    observed = marks.sightings
-    index = np.concatenate([place.marks for _, _, place in named])
-    number = np.concatenate([np.full(len(place.marks), k) for k, (_, _, place) in enumerate(named)])
-    lamp = np.concatenate([np.full(len(place.marks), k) for k, _, place in named])
-    outward = np.concatenate([np.full(len(place.marks), place.outward[0]) for _, _, place in named])
-    slope = observed.slopes[index, 0]
-    edge = -outward * np.sign(slope).astype(np.int64)
-    focal = np.array([facts.views[observed.features[k].view].camera[0, 0] for k in index.tolist()])
-    pixels = np.array([np.sqrt(observed.features[k].covariance[0, 0, 0]) for k in index.tolist()])
-    above = level_m - observed.origins[index, 1]
-    sigma = np.hypot(PATH_M, pixels / focal * above * (1 + slope**2 + observed.slopes[index, 1] ** 2))
-    return Rays(number, lamp, observed.origins[index, 0], observed.origins[index, 1], slope, edge, sigma), index
+        if measured:
+            yield track_of(name, PARTS[outward[0], outward[1]], measured)
 
 
 def _at_middle(
@@ -154,20 +171,19 @@ def _at_middle(
     fitted: Fitted,
     rays: Rays,
     ray: int,
-    line_z: float,
-    poses: dict[int, Floats],
+    middle: Floats,
+    poses: Mapping[int, Floats],
     facts: RowFacts,
 ) -> Feature:
     """A feature moved along the line by as much as the edge that is seen lies nearer or further than the lamp's middle
     would."""
     if not rays.edge[ray] or not fitted.half_m:
         return feature
-    middle = np.array([fitted.places[rays.place[ray]], fitted.heights[rays.lamp[ray]], line_z])
+    middle = np.array([middle[0], fitted.heights[rays.lamp[ray]], middle[2]])
     edge = middle - np.array([rays.edge[ray] * fitted.half_m * rays.slope[ray], 0.0, 0.0])
     pose, view = poses[feature.frame], facts.views[feature.view]
     turn = pose[:3, :3] @ view.rig_from_view
-    points = (np.stack([middle, edge]) - pose[:3, 3]) @ turn
-    pixels = project(points, view.camera)
+    pixels = project((np.stack([middle, edge]) - pose[:3, 3]) @ turn, view.camera)
     return replace(feature, pixels=feature.pixels + pixels[0] - pixels[1])
 
 

@@ -1,13 +1,13 @@
 """Uprights and beams that the evidence of all frames shows, as objects to be measured in the pictures."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.types import FoundObject, PlaneEvidence, PlanePatch, RowFacts, Trajectory
+from savmap.types import FoundObject, Gather, PlanePatch, RowFacts, Trajectory
 from savmap.vision.evidence.planes import upright_patch
 from savmap_shelves.evidence import tracked_grid
 from savmap_shelves.face_model import Face, FaceReader, Member
@@ -20,7 +20,7 @@ LIKELY = 0.5
 
 
 def find(
-    gather: Callable[[PlanePatch], PlaneEvidence],
+    gather: Gather,
     path: Trajectory,
     points: Mapping[str, np.ndarray],
     facts: RowFacts,
@@ -38,7 +38,7 @@ def find(
 
 
 def face_reader(
-    gather: Callable[[PlanePatch], PlaneEvidence],
+    gather: Gather,
     path: Trajectory,
     points: Mapping[str, np.ndarray],
     facts: RowFacts,

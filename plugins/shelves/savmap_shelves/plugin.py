@@ -18,10 +18,10 @@ from savmap.types import (
     FlatParts,
     Floats,
     FoundObject,
+    Gather,
     JointCovariance,
     MapWarning,
     Panorama,
-    PlaneEvidence,
     PlanePatch,
     RowFacts,
     Structure,
@@ -91,7 +91,7 @@ class Shelves:
     @hookimpl
     def find(
         self,
-        gather: Callable[[PlanePatch], PlaneEvidence],
+        gather: Gather,
         path: Trajectory,
         points: Mapping[str, Floats],
         facts: RowFacts,

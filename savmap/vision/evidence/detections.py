@@ -85,18 +85,26 @@ def _covered(outline: Floats, part: tuple[slice, slice]) -> Singles:
 
 
 def features_of(
-    features: Sequence[Feature], outlines: Sequence[Outlined], outside_px: float = OUTSIDE_PX
+    features: Sequence[Feature],
+    outlines: Sequence[Outlined],
+    outside_px: float = OUTSIDE_PX,
+    inwards_px: float = float("inf"),
 ) -> list[Feature]:
-    """The features of a view with the object of each: that of its class whose outline its instance lies farthest inside of."""
+    """The features of a view with the object of each: that of its class whose outline its instance lies farthest inside
+    of. With `inwards_px`, each feature of an instance is looked up by itself, so much nearer to the instance's middle
+    than it is: one instance may show several objects."""
     exact = [(item, outline.astype(np.float32)) for item, outline in outlines]
     pixels: dict[tuple[str, int], list[Floats]] = {}
     for feature in features:
         pixels.setdefault((feature.label, feature.instance), []).append(feature.pixels)
-    objects = {
-        key: _object_at(key[0], np.concatenate(pixel_groups).mean(axis=0), exact, outside_px)
-        for key, pixel_groups in pixels.items()
-    }
-    return [replace(feature, object=objects[feature.label, feature.instance]) for feature in features]
+    middles = {key: np.concatenate(pixel_groups).mean(axis=0) for key, pixel_groups in pixels.items()}
+    placed = list[Feature]()
+    for feature in features:
+        place = feature.pixels.mean(axis=0)
+        way = middles[feature.label, feature.instance] - place
+        place = place + min(1.0, inwards_px / max(float(np.linalg.norm(way)), 1e-9)) * way
+        placed.append(replace(feature, object=_object_at(feature.label, place, exact, outside_px)))
+    return placed
 
 
 def _object_at(

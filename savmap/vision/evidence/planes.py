@@ -96,8 +96,10 @@ def gather(
     packed_views: Sequence[PackedView],
     views: Mapping[str, ViewSpec],
     path: Trajectory,
+    picture: bool = True,
 ) -> PlaneEvidence:
-    """The evidence of packed views of frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen.
+    """The evidence of packed views of frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen. Without
+    `picture` the patch's is black, and takes no time.
 
     A view is weighted by the solid angle under which it shows a cell: near frontal views count more than far oblique ones.
     """
@@ -108,7 +110,7 @@ def gather(
         if located
         else []
     )
-    sums = _Sums(patch, len(classes))
+    sums = _Sums(patch, len(classes), picture)
     for index in chosen:
         sums.add(located[index], views[located[index].view], poses[located[index].frame])
     return sums.evidence(tuple(classes))
@@ -117,8 +119,8 @@ def gather(
 class _Sums:
     """Weighted sums over views, cell by cell."""
 
-    def __init__(self, patch: PlanePatch, classes: int) -> None:
-        self.patch = patch
+    def __init__(self, patch: PlanePatch, classes: int, coloured: bool) -> None:
+        self.patch, self.coloured = patch, coloured
         self.total, self.weight = np.zeros((classes, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
         self.picture, self.sharpness = np.zeros((3, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
 
@@ -143,6 +145,8 @@ class _Sums:
         for total, probability in zip(self.total, packed_view.probabilities(), strict=True):
             laid = _laid(probability, HALVED_FROM_PIXELS @ pixels_from_patch @ cells, weight.shape)
             cv2.accumulateProduct(weight, laid, total[:, columns])
+        if not self.coloured:
+            return
         for total, colour in zip(self.picture, np.moveaxis(packed_view.image(), 2, 0), strict=True):
             laid = _laid(colour.astype(np.float32), pixels_from_patch @ cells, weight.shape)
             cv2.accumulateProduct(sharpness, laid, total[:, columns])
@@ -151,7 +155,9 @@ class _Sums:
         """The means."""
         mean = (self.total / np.maximum(self.weight, 1e-9)).astype(np.float32)
         shown = np.clip(self.picture / np.maximum(self.sharpness, 1e-12), 0, 255).astype(np.uint8)
-        return PlaneEvidence(self.patch, classes, mean, self.weight, np.ascontiguousarray(np.moveaxis(shown, 0, 2)))
+        picture = np.ascontiguousarray(np.moveaxis(shown, 0, 2))
+        views = (np.square(self.weight) / np.maximum(self.sharpness, 1e-12)).astype(np.float32)
+        return PlaneEvidence(self.patch, classes, mean, self.weight, picture, views)
 
 
 def _shown(pixels_from_patch: Floats, heights: Floats, view: ViewSpec) -> tuple[Floats, Floats]:

@@ -23,4 +23,5 @@ def known(outlines: Sequence[Outline]) -> KnownFace:
     for outline in outlines:
         mean[CLASSES.index(outline.label)][face.inside(outline)] = 0.8
     grey = np.full((*face.patch.shape, 3), 120, np.uint8)
-    return KnownFace.of(face, PlaneEvidence(face.patch, CLASSES, mean, np.ones(face.patch.shape, np.float32), grey))
+    ones = np.ones(face.patch.shape, np.float32)
+    return KnownFace.of(face, PlaneEvidence(face.patch, CLASSES, mean, ones, grey, ones))

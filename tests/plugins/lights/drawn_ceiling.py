@@ -7,9 +7,28 @@ import cv2
 import numpy as np
 
 from savmap.geometry.pinhole import angles_from_rotation, project
-from savmap.types import Detection, Feature, Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
+from savmap.graph import KeySpace, camera_priors, merge, solve
+from savmap.pipeline.finding import INWARDS_PX, STRAY_PX
+from savmap.types import (
+    Detection,
+    Feature,
+    Floats,
+    FoundObject,
+    FrameTable,
+    PlaneEvidence,
+    PlanePatch,
+    RowFacts,
+    Structure,
+    Trajectory,
+    View,
+    ViewSpec,
+)
+from savmap.vision.evidence import PackedView, features_of, gather, outlines_in
 from savmap.vision.networks.adapter import regions
+from savmap.vision.networks.segmenter import Segmentation
 from savmap_lights.features import extract_features
+from savmap_lights.find import find
+from savmap_lights.plugin import Lights, Settings
 
 HEIGHT_M, LINE_Z_M, WIDTH_M = 6.0, 1.2, 0.2
 WORLD_FROM_VIEW = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -64,8 +83,20 @@ def fill(canvas: np.ndarray, corners: Floats, pose: Floats, value: int) -> None:
 
 
 def seen(grey: np.ndarray, faded: bool = True) -> list[Detection]:
-    """What a network says of a picture: sure of lamps near their ends, and, if `faded`, less and less away from these."""
+    """What a network says of a picture: sure of lamps near their ends, and, if `faded`, less and less away from
+    these."""
     mask = (grey > (DIM + BRIGHT) / 2).astype(np.uint8)
+    return regions("light", probability_of(mask, faded, 0.02) * mask, 0.5, 12)
+
+
+def segmentation(grey: np.ndarray, faded: bool = True) -> Segmentation:
+    """The same, as maps."""
+    probability = probability_of((grey > (DIM + BRIGHT) / 2).astype(np.uint8), faded, 0.6)
+    return Segmentation(("light",), np.stack([1 - probability, probability]))
+
+
+def probability_of(mask: np.ndarray, faded: bool, least: float) -> np.ndarray:
+    """How sure a network is of lamps (480, 640): `least` away from their ends, if `faded`."""
     ends = np.zeros_like(mask)
     count, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
     for number in range(1, count):
@@ -73,18 +104,47 @@ def seen(grey: np.ndarray, faded: bool = True) -> list[Detection]:
         for x in (left, left + width - 1):
             ends[top : top + height, max(x - FADES_PX, 0) : x + FADES_PX] = 1
     sure = mask if not faded else mask & ends
-    probability = cv2.GaussianBlur(np.where(sure, 0.95, 0.02 * mask).astype(np.float32), (0, 0), 0.7)
-    return regions("light", probability * mask, 0.5, 12)
+    return cv2.GaussianBlur(np.where(sure, 0.95, least * mask).astype(np.float32), (0, 0), 0.7)
 
 
 def view_of(grey: np.ndarray, frame: int = 0) -> View:
     return View(CEILING, frame, frame / 5, np.repeat(grey[..., None], 3, axis=2))
 
 
-def features_of(lamps: Sequence[Floats], beams: Sequence[float] = (), faded: bool = True) -> list[Feature]:
-    """What is extracted on the whole drive."""
-    found: list[Feature] = []
-    for frame, pose in enumerate(path().world_from_rig):
-        grey = picture(lamps, pose, beams)
-        found += extract_features(view_of(grey, frame), seen(grey, faded))
-    return found
+class Drive:
+    """A drive below lamps, and beams across."""
+
+    def __init__(self, lamps: Sequence[Floats], beams: Sequence[float] = (), faded: bool = True) -> None:
+        self.path, self.facts, self.faded = path(), facts(), faded
+        self.pictures = [picture(lamps, pose, beams) for pose in self.path.world_from_rig]
+        self.views = [view_of(grey, frame) for frame, grey in enumerate(self.pictures)]
+        self.packed = [
+            PackedView.of(view, segmentation(grey, faded)) for view, grey in zip(self.views, self.pictures, strict=True)
+        ]
+
+    def gather(self, patch: PlanePatch, picture: bool = True) -> PlaneEvidence:
+        return gather(patch, ("light",), self.packed, self.facts.views, self.path, picture)
+
+    def found(self) -> list[FoundObject]:
+        return find(self.gather, self.path, self.facts)
+
+    def features(self) -> list[Feature]:
+        """What is measured of what is found."""
+        objects, features = [item for item in self.found() if item.is_mapped], list[Feature]()
+        for view, grey, pose in zip(self.views, self.pictures, self.path.world_from_rig, strict=True):
+            of_view = extract_features(view, seen(grey, self.faded))
+            features += features_of(of_view, outlines_in(CEILING, pose, objects), STRAY_PX, INWARDS_PX)
+        return features
+
+    def mapped(self, settings: Settings | None = None) -> list[Structure]:
+        """The lamps of the drive, whose path is known."""
+        return mapped(self.features(), settings)
+
+
+def mapped(features: Sequence[Feature], settings: Settings | None = None) -> list[Structure]:
+    """The lamps of features that name them; the path is known."""
+    plugin = Lights(settings or Settings())
+    tracks = plugin.track(features, facts(), path())
+    constraints = plugin.constrain(tracks, facts(), path(), KeySpace("lights"))
+    solution = solve(merge(camera_priors(facts(), path(), fixed=path()), constraints))
+    return plugin.describe(tracks, solution.landmarks_of("lights"))

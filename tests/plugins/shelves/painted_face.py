@@ -53,7 +53,7 @@ class PaintedFace:
     def evidence(self) -> PlaneEvidence:
         weight = np.ones(self.patch.shape, np.float32)
         picture = np.round(self.colours).astype(np.uint8)
-        return PlaneEvidence(self.patch, ("upright", "beam"), self.maps.astype(np.float32), weight, picture)
+        return PlaneEvidence(self.patch, ("upright", "beam"), self.maps.astype(np.float32), weight, picture, weight)
 
 
 def _covered(middles: Floats, band: Band) -> Floats:

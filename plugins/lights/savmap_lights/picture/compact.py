@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.plugin import Detection, Floats
+from savmap.plugin import Floats
 from savmap_lights.picture.bars import without_bar
 from savmap_lights.picture.hidden import is_covered
 from savmap_lights.picture.profiles import (
@@ -17,11 +17,10 @@ from savmap_lights.picture.profiles import (
     profile_of,
     sides,
 )
-from savmap_lights.picture.seeds import STRIP_RATIO, Seed, brightness_of
+from savmap_lights.picture.seeds import STRIP_RATIO, Seed
 
 SLICES = 24
 WIDER = 0.3
-BESIDE_PX, AROUND_PX, DARKER = 4, 10, 40.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +95,6 @@ def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
                 if other is not None and np.allclose(other.sizes, lamp.sizes, rtol=WIDER, atol=1.0):
                     found.append(other)
     return found
-
-
-def stands_out(grey: Singles, detection: Detection) -> bool:
-    """Whether it is darker than a lamp's brightness on all four sides of its mask, most of what is 5 to 10 px away."""
-    level = brightness_of(grey, detection)
-    rows, columns = detection.place
-    top, bottom, left, right = rows.start, rows.stop, columns.start, columns.stop
-    sides = [
-        grey[max(top - AROUND_PX, 0) : max(top - BESIDE_PX, 0), left:right],
-        grey[bottom + BESIDE_PX : bottom + AROUND_PX, left:right],
-        grey[top:bottom, max(left - AROUND_PX, 0) : max(left - BESIDE_PX, 0)],
-        grey[top:bottom, right + BESIDE_PX : right + AROUND_PX],
-    ]
-    return all(side.size and float(np.median(side)) < level - DARKER for side in sides)
 
 
 def _within_picture(grey: Singles, middle: Floats, margin: float) -> bool:

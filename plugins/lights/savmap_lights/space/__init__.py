@@ -1,1 +1,1 @@
-"""Lamps in space, by a known camera path: their plane and line, their places, and relations between them."""
+"""Lamps in space, by a known camera path: where the rays to them meet, and relations between them."""

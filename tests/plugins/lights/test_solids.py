@@ -1,0 +1,39 @@
+"""The space that lamps fill, as closed as any solid."""
+
+import numpy as np
+
+from savmap.maps.exports.models.bodies import body_of
+from savmap.types import Floats, Structure
+from savmap_lights.solids import COMPACT_M, STRIP_M, THICKNESS_M, with_solids
+
+
+def lamp(*vertices: tuple[float, float, float]) -> Structure:
+    count = len(vertices)
+    labels = tuple(f"end {k}" for k in range(count))
+    return Structure("light 1", "light", np.array(vertices), np.zeros((count, 3, 3)), labels, np.zeros((0, 2), int))
+
+
+def sizes(*vertices: tuple[float, float, float]) -> Floats:
+    """The lamp's extent (3,) m."""
+    solid = with_solids([lamp(*vertices)])[0].solid
+    assert solid is not None
+    assert solid.assumed
+    assert solid.ifc_class == "IfcLightFixture"
+    body = body_of(solid)
+    assert body is not None
+    middle = (body.points[:, 1].min() + body.points[:, 1].max()) / 2
+    assert abs(middle - vertices[0][1]) < 1e-9
+    return np.ptp(body.points, axis=0)
+
+
+def test_strips_reach_from_end_to_end() -> None:
+    np.testing.assert_allclose(sizes((1, 8, 1), (2.5, 8, 1)), [1.5, THICKNESS_M, STRIP_M])
+    np.testing.assert_allclose(sizes((1, 8, 1), (1, 8, 3)), [STRIP_M, THICKNESS_M, 2.0])
+
+
+def test_compact_lamps_are_square() -> None:
+    np.testing.assert_allclose(sizes((1, 8, 1)), [COMPACT_M, THICKNESS_M, COMPACT_M])
+
+
+def test_a_strip_whose_ends_are_one_has_no_solid() -> None:
+    assert with_solids([lamp((1, 8, 1), (1, 8.5, 1))])[0].solid is None
