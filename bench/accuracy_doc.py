@@ -20,17 +20,16 @@ class Claim:
     columns: Sequence[str] = ()
 
 
+TEST_ROWS = "rows, --set test --family rows 'grey rows' 'dark rows' --count 2 --row both"
+DEVELOPMENT_ROWS = "rows, --count 9 --row both"
 CLAIMS = (
     Claim(
         "Made-up rows from footage to map",
-        "Random rows of 40 frames at 2048x1024, seeds 5000 to 5019; faults were mended looking at some. The racks on the other side of six of the "
-        "drives are wider, higher and nearer; their faults are named in the verdicts.",
-        ("rows", "rows, --references camera", "rows, --row second"),
-        {
-            "rows": "all references",
-            "rows, --references camera": "camera's height only",
-            "rows, --row second": "the other side",
-        },
+        "Random rows of 40 frames at 2048x1024, both faces where the drive goes past all of them. Test: six drives that nobody had looked at, two of "
+        "them grey and two dark. Development: nine drives whose faults were looked at. Good: racks and lamps whole, within 1 cm. Of all that is found "
+        "with P(exists) above 0.99, 94 % exist on test rows and 99.7 % on the others.",
+        (TEST_ROWS, DEVELOPMENT_ROWS),
+        {TEST_ROWS: "test", DEVELOPMENT_ROWS: "development"},
     ),
     Claim(
         "A long row",
