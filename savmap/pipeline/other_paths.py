@@ -53,10 +53,11 @@ def with_paths_of_others(
 
 
 def path_beside(row: WalkedRow, other: MeasuredRow) -> Trajectory | None:
-    """The path of another row's frames before the face of this one, up to scale; None where they share too few frames
-    or the evidence is nowhere sharp. Raises StructureError where the attitudes of the row's frames are not known."""
-    path = other.measurements.path
-    if path is None:
+    """The path of another row's frames before the face of this one, up to scale; None where they share too few frames,
+    or no plugin that locates the camera has a plane to look at. Raises StructureError where the attitudes of the row's
+    frames are not known."""
+    path, locators = other.measurements.path, row.measurements.locators
+    if path is None or not locators & row.packed_views.keys():
         return None
     number = {moment: frame for frame, moment in enumerate(row.moments)}
     shared = [(k, number[other.moments[f]]) for k, f in enumerate(path.frames.tolist()) if other.moments[f] in number]

@@ -96,6 +96,10 @@ def test_rows_that_share_no_frames_lend_no_path() -> None:
     )
 
 
+def test_a_row_whose_structure_lies_in_no_plane_is_lent_no_path() -> None:
+    assert path_beside(replace(row("A", "footage.mp4"), packed_views={}), beyond()) is None
+
+
 def test_a_row_that_does_not_tell_its_path_is_measured_along_that_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
     def measured(walked: WalkedRow, monitor: Any, start: Trajectory) -> MeasuredRow:
         return MeasuredRow(walked.request, replace(walked.measurements, path=start))
