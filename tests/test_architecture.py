@@ -32,13 +32,14 @@ LAYERS = [
     "split",
     "report",
     "jobs",
+    "live",
     "demo",
     "cli",
     "lab",
 ]
 """Packages from the lowest to the highest: a package imports from itself and from lower ones. The laboratory is the
 highest: nothing outside imports it."""
-PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "split"}
+PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "split", "live"}
 """Packages that plugins do not import from."""
 STRUCTURES = {"shelf", "shelves", "light", "lights", "lamp", "lamps", "sign", "signs", "rack", "racks"}
 OTHER_MEANINGS = r"\b(np|torch|math)\.sign\b|text=\"light\""

@@ -361,16 +361,31 @@ class RowWalk:
                 specs = [spec for spec in self.plan.plugins_by_view if spec.shows(panorama.frame)]
                 followed = tuple(self.renderer.render(panorama, spec) for spec in specs)
         else:
-            followed, cuts, strip = tuple(rendered[0]), *rendered[1:]
-            record, maps = self._measured(panorama, followed, cuts)
-            if strip is not None:
-                self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=maps))
-            if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
-                self.journal.add(self.name, panorama.frame, record)
+            followed, record = tuple(rendered[0]), self._journaled(panorama, *rendered)
         for view in followed:
             if self.plan.locators().intersection(self.plan.plugins_by_view[view.spec]):
                 self.flow.update(view)
         self._keep(panorama.stamp_s, record)
+
+    def measure_ahead(self, panorama: Panorama, rendered: Rendered) -> None:
+        """Measure in a frame before its turn; what is measured is kept in the journal alone."""
+        if not isinstance(rendered, FrameRecord):
+            self._journaled(panorama, *rendered)
+
+    def take_unmeasured(self, stamp_s: float) -> None:
+        """Take the next frame, in which nothing was measured."""
+        self._keep(stamp_s, FrameRecord({}))
+
+    def _journaled(
+        self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut], strip: PanoramaStrip | None
+    ) -> FrameRecord:
+        """What is measured in a frame's views, kept in the journal."""
+        record, maps = self._measured(panorama, views, cuts)
+        if strip is not None:
+            self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=maps))
+        if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
+            self.journal.add(self.name, panorama.frame, record)
+        return record
 
     def _keep(self, stamp_s: float, record: FrameRecord) -> None:
         """Keep what was measured in the next frame."""

@@ -36,6 +36,7 @@ __all__ = [
     "panoramas",
     "preview_frames",
     "probe",
+    "sampled",
     "sampling_fps",
 ]
 
@@ -93,7 +94,7 @@ def panoramas(
     report.used += len(known_s)
     report.decoded -= bool(known_s) and info.codec != "images"  # the last one is decoded again
     read = read_folder if info.codec == "images" else decode_file
-    for stamp, image in _sampled(read(info, last, end, report), clip.fps, report, known_s):
+    for stamp, image in sampled(read(info, last, end, report), clip.fps, report, known_s):
         last, gap = stamp, max(gap, stamp - last)
         report.decoded_by.append(report.decoded)
         yield panorama_of(first_frame + report.used - 1, stamp, image)
@@ -104,7 +105,7 @@ def panoramas(
     report.gap_s = float(gap) if gap > usual_gap_s(rate) else 0.0
 
 
-def _sampled(
+def sampled(
     frames: Source, fps: float, report: DecodeReport, known_s: Sequence[float]
 ) -> Iterator[tuple[float, Picture]]:
     """The first good frame of each tick of 1/fps counted from the first, after those that are known; stamps may jitter

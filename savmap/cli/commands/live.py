@@ -1,0 +1,43 @@
+"""The command `savmap live`."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from savmap.cli.commands.options import Output, Plugins, Sets, names_of
+from savmap.files.urls import where
+
+
+def live(
+    source: Annotated[
+        Path | None,
+        typer.Argument(metavar="SOURCE", parser=where, help="A panoramic video, a folder that grows, or a site file."),
+    ] = None,
+    plugins: Plugins = None,
+    output: Output = Path("out"),
+    camera: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Film with a camera: /dev/video0, rtsp://..., or what FFmpeg opens."),
+    ] = None,
+    row: Annotated[str | None, typer.Option(help="The row of a site file; default: its first.")] = None,
+    pace: Annotated[float, typer.Option(min=0, help="How fast a file is played; 0: as fast as it can be read.")] = 1.0,
+    idle: Annotated[float, typer.Option(min=0.1, help="A folder is complete when nothing came for so long, s.")] = 10.0,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with what an earlier session measured.")] = False,
+    camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
+    side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
+    sets: Sets = None,
+) -> None:
+    """Map a row while it is filmed: provisional maps, and what to do better; at the end, all that was recorded is mapped
+    as `savmap map` does."""
+    from savmap.cli.live import walk_and_print
+    from savmap.live.sources import RECORDING, frames_of, live_job
+    from savmap.site.overrides import overrides_of
+
+    if source is None:
+        source = output / RECORDING if camera is not None else Path("site.yaml")
+    overrides = overrides_of([*(sets or [])], os.environ)
+    job, name = live_job(source, names_of(plugins), output, row, camera is not None, camera_height, side, overrides)
+    frames = frames_of(job.site.rows[name].passes[0].clip, camera, pace, idle)
+    walk_and_print(job, name, frames, resume)

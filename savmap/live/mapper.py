@@ -1,0 +1,189 @@
+"""Provisional maps, made in a process of their own: the solver holds Python's lock, and the walk must not wait for it.
+
+The process is told which views the walk chose and which frames it measured, and reads what was measured from the files
+of the walk's journal; no frame is sent to it.
+"""
+
+import logging
+import multiprocessing
+import time
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from savmap.errors import SavmapError
+from savmap.files.journal import Journal, Parts
+from savmap.files.serialization import packed, unpacked
+from savmap.jobs.map_site import MAP, made_by
+from savmap.jobs.tasks import request_for
+from savmap.maps.map_file import write_map
+from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.finding import find_structures
+from savmap.pipeline.records import RowRequest
+from savmap.pipeline.row import map_rows
+from savmap.pipeline.view_plans import PassPlan
+from savmap.plugin.manager import LoadedPlugin
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.report.site_report import VIEW
+from savmap.report.viewer import View, write_view
+from savmap.site.job import Job
+from savmap.site.model import pass_names
+from savmap.types import MapWarning, RowMap, SiteMap, ViewPlan
+from savmap.types.progress import SilentMonitor
+from savmap.vision.views import Renderer
+
+log = logging.getLogger("savmap")
+PROVISIONAL = "note provisional"
+
+
+@dataclass(frozen=True, eq=False)
+class LivePlan:
+    """What the walk looks at: by plugin, the views that it wants of the pass and the network that sees most ("": its
+    first one); and what speaks against the pictures."""
+
+    views: Mapping[str, ViewPlan]
+    networks: Mapping[str, str]
+    warnings: tuple[MapWarning, ...] = ()
+
+    @classmethod
+    def of(cls, plugins: Sequence[LoadedPlugin], plan: PassPlan) -> "LivePlan":
+        """As the plugins chose."""
+        networks = {plugin.name: str(plugin.network or "") for plugin in plugins}
+        return cls(dict(plan.plans), networks, plan.warnings)
+
+    def planned(self, request: RowRequest) -> tuple[RowRequest, list[LoadedPlugin], PassPlan]:
+        """The row, its plugins with these networks, and the views of its pass."""
+        networks = {name: Path(network) if network else None for name, network in self.networks.items()}
+        plugins = [replace(plugin, network=networks[plugin.name]) for plugin in request.plugins]
+        (name,), (row_pass,) = pass_names(request.passes[:1]), request.passes[:1]
+        return (
+            replace(request, plugins=plugins),
+            plugins,
+            PassPlan(name, row_pass.clip, self.views, row_pass.side, self.warnings),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class MapRequest:
+    """The times of all frames so far, and the numbers of those in which something was measured."""
+
+    stamps_s: Sequence[float]
+    measured: frozenset[int]
+
+
+@dataclass(frozen=True, eq=False)
+class MapReply:
+    """A provisional map of the row, or why there is none yet; how many frames it is of, and how long it took."""
+
+    row: RowMap | None
+    problem: str
+    frames: int
+    seconds: float
+
+
+class ReadOnlyParts:
+    """Parts that another process writes."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    def load(self, part: int) -> bytes | None:
+        return self._parts.load(part)
+
+    def save(self, part: int, content: bytes) -> None:
+        """Nothing: the other process keeps them."""
+
+    def drop(self, part: int) -> bool:
+        """Nothing is forgotten."""
+        return False
+
+
+class Mapper:
+    """Maps a row of a job again and again, in another process. `parts`: where the walk's journal lies; `output`: the
+    folder that maps are written into."""
+
+    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan, output: Path) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._line, line = context.Pipe()
+        self._process = context.Process(
+            target=_serve,
+            args=(line, job, row, ReadOnlyParts(parts), live_plan, output),
+            name="savmap-live",
+            daemon=True,
+        )
+        self._process.start()
+        line.close()
+        self.is_busy = False
+
+    def request(self, asked: MapRequest) -> None:
+        """Begin a map. It must not be busy."""
+        self.is_busy = True
+        with suppress(OSError):
+            self._line.send_bytes(packed(asked))
+
+    def reply(self, wait_s: float = 0.0) -> MapReply | None:
+        """The map that is done; None where none is yet. A process that ended is told of as a problem."""
+        if not self.is_busy or not self._line.poll(wait_s):
+            return None
+        self.is_busy = False
+        try:
+            return unpacked(self._line.recv_bytes(), MapReply)
+        except (EOFError, OSError):
+            return MapReply(None, "the process that maps has ended: out of memory, killed, or crashed", 0, 0.0)
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.is_alive()
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.terminate()
+        self._process.join(5)
+        self._line.close()
+
+
+def _serve(line: Connection, job: Job, row: str, parts: Parts, live_plan: LivePlan, output: Path) -> None:
+    with suppress(EOFError, KeyboardInterrupt, OSError), threadpool_limits(1, "blas"):
+        while True:
+            line.send_bytes(
+                packed(map_so_far(job, row, parts, live_plan, unpacked(line.recv_bytes(), MapRequest), output))
+            )
+
+
+def map_so_far(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest, output: Path) -> MapReply:
+    """Map what the journal has of a row, and write map.json and view.html, each whole or not at all."""
+    begun, measured = time.monotonic(), len(asked.measured)
+    try:
+        mapped = _mapped(job, row, parts, live_plan, asked)
+        site_map = SiteMap({row: mapped}, made_by(job))
+        write_map(site_map, output / MAP)
+        write_view(View(site_map, None, f"{row} (provisional)"), output / VIEW)
+    except SavmapError as error:
+        return MapReply(None, str(error), measured, time.monotonic() - begun)
+    except Exception as error:
+        log.error("%s", traceback.format_exc())
+        return MapReply(None, f"unexpected {type(error).__name__}: {error}", measured, time.monotonic() - begun)
+    return MapReply(mapped, "", measured, time.monotonic() - begun)
+
+
+def _mapped(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest) -> RowMap:
+    monitor, request = SilentMonitor(), replace(request_for(job, row), appearance=False)
+    _, plugins, plan = planned = live_plan.planned(request)
+    walk = RowWalk(planned, SegmenterPool(plugins), Renderer(), Journal(parts))
+    walk.begin(plan.name, request.passes[0], monitor)
+    for number, stamp_s in enumerate(asked.stamps_s):
+        if number in asked.measured and walk.journal.has(row, number):
+            walk.take_known(number, stamp_s)
+        else:
+            walk.take_unmeasured(stamp_s)
+    (result,) = map_rows([find_structures(walk.walked(), monitor)], monitor)
+    if isinstance(result, SavmapError):
+        raise result
+    note = f"of {len(asked.measured)} of {len(asked.stamps_s)} frames, while the walk goes on"
+    return replace(result, report={**result.report, PROVISIONAL: note})

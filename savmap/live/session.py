@@ -1,0 +1,327 @@
+"""A live session: frames come in, the latest are measured as fast as this machine can, what was measured is mapped again
+and again, and whoever walks is told what to do.
+
+Nothing that comes in is lost: the footage is on disk, or is written there, and `finish` maps all of it as `savmap map`
+does. Until then maps are provisional: of the frames for which there was time.
+"""
+
+import json
+import os
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from types import TracebackType
+
+import numpy as np
+
+from savmap.errors import SavmapError, StructureError
+from savmap.files.atomic import write_text
+from savmap.files.journal import Journal
+from savmap.geometry.vanishing import RIG_UP
+from savmap.jobs.cache import FolderCache
+from savmap.jobs.cache_keys import digest
+from savmap.jobs.tasks import request_for
+from savmap.live.assistant import (
+    DISK_BYTES,
+    LAG_S,
+    Advice,
+    CaptureAssistant,
+    advice_of_map,
+    most_urgent,
+)
+from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest
+from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.networks import with_best_networks
+from savmap.pipeline.records import RowRequest
+from savmap.plugin.segmenters import SegmenterPool
+from savmap.site.job import Job, prepare
+from savmap.site.model import pass_names
+from savmap.site.preflight import tells_scale
+from savmap.types import Floats, Panorama, RowMap
+from savmap.types.progress import SilentMonitor
+from savmap.vision.view_planning import PassPreview
+from savmap.vision.views import Renderer
+
+STATE = "live.json"
+PLAN = "live, plan"
+QUEUED = 2
+"""Frames that wait to be measured; an older one is passed over."""
+WORKERS = max(1, min(2, (os.cpu_count() or 2) // 2))
+"""Frames that are rendered and segmented at a time."""
+PREVIEWED, KEYS, PAIRS = 16, 9, 3
+"""Frames from which views are chosen, at the least; of these so many are asked, and so many pairs of neighbours."""
+MOST_PREVIEWED = 48
+FIRST_MAP, FURTHER = 20, 8
+"""Measured frames before the first map, and between two maps."""
+STATE_S = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class LiveState:
+    """How far a session is, as `live.json` holds it: seconds of footage; frames that came, that were measured, and that
+    were passed over until the end; what to do, the most urgent first; elements of the latest map, how many of its
+    frames it is of, how long it took and its problem, if there was none."""
+
+    status: str
+    footage_s: float = 0.0
+    frames: int = 0
+    measured: int = 0
+    passed_over: int = 0
+    lag_s: float = 0.0
+    advice: Sequence[Advice] = ()
+    maps: int = 0
+    elements: int = 0
+    mapped_frames: int = 0
+    map_s: float = 0.0
+    problem: str = ""
+
+    def as_json(self) -> str:
+        """The state's text."""
+        return json.dumps(asdict(self), indent=1) + "\n"
+
+
+class _LatestFrames:
+    """The latest frames that wait to be measured; `passed_over` counts those for which there was no time. The first ones
+    are all kept, until views are chosen by them."""
+
+    def __init__(self) -> None:
+        self.passed_over = 0
+        self._waiting: deque[Panorama] = deque()
+        self._changed = threading.Condition()
+        self._are_first, self._is_closed = True, False
+
+    def put(self, panorama: Panorama) -> None:
+        with self._changed:
+            self._waiting.append(panorama)
+            if len(self._waiting) > (MOST_PREVIEWED if self._are_first else QUEUED):
+                self.drop(1)
+            self._changed.notify_all()
+
+    def first(self, count: int) -> list[Panorama] | None:
+        """The first frames, once there are so many; None once it is closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._waiting) >= count or self._is_closed)
+            return None if self._is_closed else list(self._waiting)
+
+    def latest(self) -> Panorama | None:
+        """The latest frame, when there is one; None once it is closed."""
+        with self._changed:
+            self._are_first = False
+            self._changed.wait_for(lambda: bool(self._waiting) or self._is_closed)
+            if self._is_closed:
+                return None
+            self.drop(len(self._waiting) - 1)
+            return self._waiting.popleft()
+
+    def drop(self, count: int) -> None:
+        """Pass over the oldest ones."""
+        for _ in range(count):
+            self._waiting.popleft()
+            self.passed_over += 1
+
+    def close(self) -> None:
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+
+
+class LiveMapping:
+    """One row that is mapped while it is filmed. `job`: with the row's footage, which may not be there yet; `output`
+    is where maps and the state are written. `resume`: go on with what an earlier session measured there.
+
+    `take` gets the footage's frames in order, numbered from 0. Raises SiteError, PluginError and ModelError for what is
+    wrong with the job, and OutputError where nothing can be written.
+    """
+
+    def __init__(self, job: Job, row: str, resume: bool = False) -> None:
+        prepare(job.output)
+        self.job, self.row = job, row
+        self.request: RowRequest = request_for(job, row)
+        self._tells_scale = tells_scale(job.site, row, job.plugins)
+        self.assistant = CaptureAssistant()
+        self.latest: RowMap | None = None
+        self._cache = FolderCache(job.output, fresh=not resume)
+        self._parts = self._cache.frames(row, digest(live=job.site.model_dump(mode="json"), row=row))
+        self._journal = Journal(self._parts)
+        self._renderer, self._frames = Renderer(), _LatestFrames()
+        self._stamps: list[float] = []
+        self._measured: set[int] = set()
+        self._advice: list[Advice] = []
+        self._walk: RowWalk | None = None
+        self._mapper: Mapper | None = None
+        self._hooks = threading.Lock()
+        self._failure: SavmapError | None = None
+        self._reply = MapReply(None, "", 0, 0.0)
+        self._maps, self._stated_s, self._looked_for, self._handled = 0, 0.0, PREVIEWED, 0.0
+        if resume:
+            self._take_up()
+        self._worker = threading.Thread(target=self._work, name="savmap-walk", daemon=True)
+        self._worker.start()
+
+    @property
+    def resumed(self) -> int:
+        """How many frames an earlier session measured."""
+        return self._journal.earlier[self.row]
+
+    def take(self, panorama: Panorama) -> LiveState:
+        """Take the next frame. Raises the error by which measuring failed."""
+        if self._failure is not None:
+            raise self._failure
+        self._stamps.append(panorama.stamp_s)
+        advice = self.assistant.take(panorama)
+        if self._journal.has(self.row, panorama.frame):
+            self._measured.add(panorama.frame)
+        else:
+            self._frames.put(panorama)
+        self._map_again()
+        self._advice = [*advice, *self._further_advice()]
+        state = self.state("walking")
+        self._write_state(state)
+        return state
+
+    def state(self, status: str) -> LiveState:
+        """How far the session is."""
+        structures = self.latest.structures.values() if self.latest is not None else ()
+        return LiveState(
+            status,
+            footage_s=round(self._stamps[-1] - self._stamps[0], 3) if self._stamps else 0.0,
+            frames=len(self._stamps),
+            measured=len(self._measured),
+            passed_over=self._frames.passed_over,
+            lag_s=round(self._lag_s(), 3),
+            advice=tuple(sorted(self._advice, key=lambda item: item is not most_urgent(self._advice))),
+            maps=self._maps,
+            elements=sum(map(len, structures)),
+            mapped_frames=self._reply.frames,
+            map_s=round(self._reply.seconds, 2),
+            problem=self._reply.problem,
+        )
+
+    def stop(self) -> None:
+        """End measuring and mapping; what was measured is kept."""
+        self._frames.close()
+        self._worker.join()
+        self._journal.flush()
+        if self._mapper is not None:
+            self._mapper.close()
+        write_text(self.job.output / STATE, self.state("stopped").as_json())
+
+    def __enter__(self) -> "LiveMapping":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def _plan(self) -> bool:
+        """Wait for the first frames, and choose the views by them; whether the session goes on."""
+        while self._walk is None:
+            if (first := self._frames.first(self._looked_for)) is None:
+                return False
+            keys = [first[number] for number in np.linspace(0, len(first) - 1, KEYS).astype(int)]
+            begins = np.linspace(0, len(first) - 2, PAIRS).astype(int)
+            pairs = [(first[number], first[number + 1]) for number in begins]
+            name, row_pass = pass_names(self.request.passes)[0], self.request.passes[0]
+            try:
+                preview = PassPreview.of_frames(keys, pairs, self._renderer)
+                attitude = self.request.attitudes.get(name)
+                plugins, plan = with_best_networks(name, row_pass, self.request.plugins, preview, attitude)
+            except StructureError as error:
+                self._reply = MapReply(None, str(error), 0, 0.0)
+                self._looked_for = min(self._looked_for + PREVIEWED, MOST_PREVIEWED)
+                self._frames.drop(PREVIEWED if len(first) >= MOST_PREVIEWED else 0)
+            else:
+                self._begin(LivePlan.of(plugins, plan))
+        return True
+
+    def _take_up(self) -> None:
+        """Go on with the views that an earlier session chose."""
+        live_plan = self._journal.get(LivePlan, PLAN, 0)
+        if live_plan is not None:
+            self._begin(live_plan)
+
+    def _begin(self, live_plan: LivePlan) -> None:
+        """Begin to measure and to map."""
+        self._reply = MapReply(None, "", 0, 0.0)
+        if not self._journal.has(PLAN, 0):
+            self._journal.add(PLAN, 0, live_plan)
+        _, plugins, plan = planned = live_plan.planned(self.request)
+        self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
+        self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
+        self._follow_attitude(plan.attitude())
+        assert self._parts is not None
+        self._mapper = Mapper(self.job, self.row, self._parts, live_plan, self.job.output)
+
+    def _follow_attitude(self, attitude: Floats | None) -> None:
+        """Tell the assistant where the structure is, and how the camera leans."""
+        if attitude is not None:
+            towards = attitude.T @ np.array([0.0, 0.0, -1.0])
+            self.assistant.facing_deg = float(np.degrees(np.arctan2(towards[0], towards[2])))
+            up = attitude.T @ np.array([0.0, 1.0, 0.0])
+            self.assistant.tilt_deg = float(np.degrees(np.arccos(np.clip(RIG_UP @ up, -1, 1))))
+
+    def _work(self) -> None:
+        """Choose the views, then measure the latest frames, several at a time where this machine has the cores;
+        plugins' hooks are called one at a time."""
+        try:
+            if self._plan():
+                with ThreadPoolExecutor(WORKERS, "savmap-live") as pool:
+                    for done in [pool.submit(self._measure) for _ in range(WORKERS)]:
+                        done.result()
+        except SavmapError as error:
+            self._failure = error
+
+    def _measure(self) -> None:
+        walk = self._walk
+        while walk is not None and self._failure is None and (panorama := self._frames.latest()) is not None:
+            rendered = walk.render(panorama, {})
+            with self._hooks:
+                walk.measure_ahead(panorama, rendered)
+            self._measured.add(panorama.frame)
+            self._handled = max(self._handled, panorama.stamp_s)
+
+    def _map_again(self) -> None:
+        """Take a map that is done, and ask for another where enough was measured since."""
+        mapper = self._mapper
+        if mapper is None:
+            return
+        if (reply := mapper.reply()) is not None:
+            self._reply = reply
+            if reply.row is not None:
+                self.latest, self._maps = reply.row, self._maps + 1
+        new = len(self._measured) - self._reply.frames
+        if not mapper.is_busy and mapper.is_alive and new >= (FURTHER if self._maps else FIRST_MAP):
+            self._journal.flush()
+            mapper.request(MapRequest(tuple(self._stamps), frozenset(self._measured)))
+
+    def _lag_s(self) -> float:
+        """By how much footage what was measured is behind what came."""
+        return max(self._stamps[-1] - self._handled, 0.0) if self._measured and self._handled else 0.0
+
+    def _further_advice(self) -> list[Advice]:
+        advice = []
+        if not self._tells_scale:
+            text = "The scale is not known: measure the camera's height above the floor, and give --camera-height."
+            advice.append(Advice("no-scale", "attention", text))
+        if self._walk is None and len(self._stamps) > PREVIEWED:
+            advice.append(
+                Advice("not-seen", "attention", f"Nothing is seen that can be mapped: {self._reply.problem}.")
+            )
+        if self.latest is not None:
+            advice += advice_of_map(self.latest, self.latest.trajectory.world_from_rig[-1, :3, 3])
+        if self._lag_s() > LAG_S:
+            text = "The map comes behind; nothing of the recording is lost, walk on."
+            advice.append(Advice("lag", "good", text))
+        if shutil.disk_usage(self.job.output).free < DISK_BYTES:
+            advice.append(Advice("disk", "stop", f"{self.job.output}: the disk is nearly full; make room."))
+        return advice
+
+    def _write_state(self, state: LiveState) -> None:
+        if time.monotonic() - self._stated_s > STATE_S:
+            write_text(self.job.output / STATE, state.as_json())
+            self._stated_s = time.monotonic()
