@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from savmap.jobs.api import map_video as map_video
     from savmap.jobs.api import measure as measure
     from savmap.jobs.api import view as view
+    from savmap.live.api import LiveSession as LiveSession
     from savmap.maps.comparison import Comparison as Comparison
     from savmap.maps.comparison import Difference as Difference
     from savmap.maps.comparison import ElementChange as ElementChange
@@ -68,6 +69,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "savmap.errors": "SavmapError",
     "savmap.jobs.api": "align compare evaluate export find import_survey load_map map_site map_video measure view",
+    "savmap.live.api": "LiveSession",
     "savmap.maps.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
     "savmap.maps.distance": "VertexDistance",
     "savmap.maps.map_file": "write_map",

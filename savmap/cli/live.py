@@ -2,21 +2,23 @@
 
 from collections.abc import Iterable
 
-from savmap.cli.mapping import going_on_told, map_and_print
+from savmap.cli.mapping import map_and_print
 from savmap.cli.speech import say
 from savmap.jobs.cache import locked
 from savmap.live.session import LiveMapping, LiveState
-from savmap.site.job import Job, prepare
+from savmap.live.sources import LiveJob
+from savmap.site.job import prepare
 from savmap.types import Panorama
 
 ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "up": "^", "down": "v", "": "  "}
 
 
-def walk_and_print(job: Job, row: str, frames: Iterable[Panorama], resume: bool) -> None:
+def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool) -> None:
     """Map a row while its frames come, then all that was recorded. The advice of each moment goes to standard error,
     when it changes. An interrupt ends the walk, and what was recorded is mapped."""
-    prepare(job.output)
-    with locked(job.output), LiveMapping(job, row, resume) as live:
+    row, output = job.row, job.walked.output
+    prepare(output)
+    with locked(output), LiveMapping(job.walked, row, resume) as live:
         if live.resumed:
             say(f"row {row}: what was measured in {live.resumed} frames is kept from an earlier session", err=True)
         said, maps = "", 0
@@ -26,8 +28,7 @@ def walk_and_print(job: Job, row: str, frames: Iterable[Panorama], resume: bool)
                 said, maps = _spoken(state, said), _mapped(state, row, maps)
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
-    with going_on_told(job.output):
-        map_and_print(job)
+    map_and_print(job.recorded)
 
 
 def _spoken(state: LiveState, before: str) -> str:
@@ -35,8 +36,8 @@ def _spoken(state: LiveState, before: str) -> str:
     first = state.advice[0] if state.advice else None
     text = first.text if first is not None else "Walk on."
     if text != before:
-        light, arrow = (first.severity, first.arrow) if first is not None else ("good", "on")
-        say(f"{state.footage_s:6.1f} s  [{light:9}] {ARROWS[arrow]} {text}", err=True)
+        severity, arrow = (first.severity, first.arrow) if first is not None else ("good", "on")
+        say(f"{state.footage_s:6.1f} s  [{severity:9}] {ARROWS[arrow]} {text}", err=True)
     return text
 
 

@@ -97,7 +97,7 @@ class CaptureAssistant:
         if self._frames < LEAST:
             return
         if float((band > DARK).mean()) < LIT_SHARE:
-            yield Advice("dark", "stop", "It is too dark: switch the lights on, or let the camera expose for longer.")
+            yield Advice("dark", "stop", "It is too dark: make it brighter, or let the camera expose for longer.")
             return
         if self.is_covered():
             yield Advice(
@@ -116,7 +116,7 @@ class CaptureAssistant:
             yield Advice("blurred", "attention", "The picture is blurred: walk more slowly, or clean the lens.")
         if self.is_flickering():
             yield Advice(
-                "flicker", "attention", "The light flickers: set the shutter to 1/50 s or 1/60 s, as the mains."
+                "flicker", "attention", "Brightness flickers: set the shutter to 1/50 s or 1/60 s, as the mains."
             )
 
     def is_blurred(self) -> bool:
@@ -146,7 +146,9 @@ class CaptureAssistant:
         width = bands.shape[2]
         bearings = (np.arange(width) + 0.5) * 360 / width - 180
         across = np.abs((bearings - (self.facing_deg or 0.0) + 180) % 360 - 180) < FACING_DEG
-        slopes, level = (np.stack([np.abs(cv2.Sobel(band, cv2.CV_32F, x, 1 - x)) / 8 for band in bands]) for x in (1, 0))
+        slopes, level = (
+            np.stack([np.abs(cv2.Sobel(band, cv2.CV_32F, x, 1 - x)) / 8 for band in bands]) for x in (1, 0)
+        )
         upright = np.where(slopes > STEEP * level, slopes, 0.0)
         steady = (upright[:, :, across].min(axis=0) > STEADY).astype(np.uint8)
         _, _, stats, _ = cv2.connectedComponentsWithStats(steady, connectivity=8)

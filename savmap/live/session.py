@@ -1,5 +1,5 @@
-"""A live session: frames come in, the latest are measured as fast as this machine can, what was measured is mapped again
-and again, and whoever walks is told what to do.
+"""A live session: frames come in, the latest are measured as fast as this machine can, what was measured is mapped
+again and again, and whoever walks is told what to do.
 
 Nothing that comes in is lost: the footage is on disk, or is written there, and `finish` maps all of it as `savmap map`
 does. Until then maps are provisional: of the frames for which there was time.
@@ -52,10 +52,10 @@ QUEUED = 2
 """Frames that wait to be measured; an older one is passed over."""
 WORKERS = max(1, min(2, (os.cpu_count() or 2) // 2))
 """Frames that are rendered and segmented at a time."""
-PREVIEWED, KEYS, PAIRS = 16, 9, 3
+PREVIEWED, KEYS, PAIRS = 16, 5, 3
 """Frames from which views are chosen, at the least; of these so many are asked, and so many pairs of neighbours."""
 MOST_PREVIEWED = 48
-FIRST_MAP, FURTHER = 20, 8
+FIRST_MAP, FURTHER = 10, 6
 """Measured frames before the first map, and between two maps."""
 STATE_S = 0.5
 
@@ -85,8 +85,8 @@ class LiveState:
 
 
 class _LatestFrames:
-    """The latest frames that wait to be measured; `passed_over` counts those for which there was no time. The first ones
-    are all kept, until views are chosen by them."""
+    """The latest frames that wait to be measured; `passed_over` counts those for which there was no time. The first
+    ones are all kept, until views are chosen by them."""
 
     def __init__(self) -> None:
         self.passed_over = 0
@@ -308,7 +308,7 @@ class LiveMapping:
         if not self._tells_scale:
             text = "The scale is not known: measure the camera's height above the floor, and give --camera-height."
             advice.append(Advice("no-scale", "attention", text))
-        if self._walk is None and len(self._stamps) > PREVIEWED:
+        if self._walk is None and self._reply.problem:
             advice.append(
                 Advice("not-seen", "attention", f"Nothing is seen that can be mapped: {self._reply.problem}.")
             )

@@ -2,7 +2,7 @@
 it comes, and panoramas that another program hands over."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from fractions import Fraction
 from functools import partial
@@ -172,13 +172,17 @@ class FrameRecorder:
         with _writing(path):
             self._file = av.open(str(path), "w", "matroska", options=CLUSTER)
         self._stream: VideoStream | None = None
+        self._last_s = -np.inf
 
     def write(self, stamp_s: float, image: Image) -> None:
-        """Append a panorama; times must ascend."""
+        """Append a panorama. Raises VideoError where its time is not after that of the one before."""
+        if stamp_s <= self._last_s:
+            raise VideoError(f"a panorama of {stamp_s:g} s comes after one of {self._last_s:g} s: times must ascend")
+        self._last_s = stamp_s
         with _writing(self.path):
             stream = self._stream or self._begun(image)
             frame = VideoFrame.from_ndarray(np.ascontiguousarray(image), "rgb24")
-            frame.pts, frame.time_base = round(stamp_s / MILLISECOND), MILLISECOND
+            frame.pts, frame.time_base = round(stamp_s * MILLISECOND.denominator), MILLISECOND
             self._file.mux(stream.encode(frame))
 
     def close(self) -> None:
@@ -212,6 +216,3 @@ class _writing:  # noqa: N801 -- a context, used as a function
     ) -> None:
         if isinstance(error, av.error.FFmpegError | OSError):
             raise OutputError(f"{self.path}: the recording cannot be written ({_why(error)})") from error
-
-
-FrameSource = Callable[[], Iterator[Panorama]]

@@ -29,15 +29,16 @@ def live(
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     sets: Sets = None,
 ) -> None:
-    """Map a row while it is filmed: provisional maps, and what to do better; at the end, all that was recorded is mapped
-    as `savmap map` does."""
+    """Map a row while it is filmed: provisional maps, and what to do better; at the end, all that was recorded is
+    mapped as `savmap map` does."""
     from savmap.cli.live import walk_and_print
-    from savmap.live.sources import RECORDING, frames_of, live_job
+    from savmap.live.sources import frames_of, live_job, recorded_job
     from savmap.site.overrides import overrides_of
 
-    if source is None:
-        source = output / RECORDING if camera is not None else Path("site.yaml")
     overrides = overrides_of([*(sets or [])], os.environ)
-    job, name = live_job(source, names_of(plugins), output, row, camera is not None, camera_height, side, overrides)
-    frames = frames_of(job.site.rows[name].passes[0].clip, camera, pace, idle)
-    walk_and_print(job, name, frames, resume)
+    names = names_of(plugins)
+    if camera is not None:
+        job = recorded_job(source, names, output, row, resume, camera_height, side, overrides)
+    else:
+        job = live_job(source or Path("site.yaml"), names, output, row, camera_height, side, overrides)
+    walk_and_print(job, frames_of(job.clip, camera, pace, idle), resume and camera is None)

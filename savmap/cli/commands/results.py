@@ -100,7 +100,12 @@ def view(
     serve: Annotated[
         bool, typer.Option("--serve", help="Serve it to this machine's browser until Ctrl+C, for large sites.")
     ] = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="The port of --serve (0: one that is free).")] = 0,
+    live: Annotated[
+        bool, typer.Option("--live", help="Serve a page that follows a session of `savmap live` in this folder.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="The port of --serve and --live (0: one that is free).")
+    ] = 0,
     survey: Annotated[Path | None, typer.Option(help="A survey file to show errors against.")] = None,
     against: Annotated[
         Path | None, typer.Option(metavar="OLD", help="An earlier map, or its folder, to show with it.")
@@ -115,6 +120,9 @@ def view(
     from savmap.jobs import api
     from savmap.report.viewer.serve import ViewServer
 
+    if live:
+        follow(source, port, show)
+        return
     for given in (source, against):
         warn_of_earlier(given)
     page_view = api.view(source, survey=survey, against=against, fresh=fresh, show=False)
@@ -126,6 +134,22 @@ def view(
         return
     with ViewServer(page_view.page, port) as server:
         say(f"{server.address} shows {page_view.page}; Ctrl+C ends it")
+        if show:
+            webbrowser.open(server.address)
+        server.run()
+
+
+def follow(folder: Path, port: int, show: bool) -> None:
+    """Serve the page of a live session until the user ends it."""
+    import webbrowser
+
+    from savmap.errors import OutputError
+    from savmap.report.viewer.live import LiveServer
+
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: is no folder; give the one that `savmap live -o` writes into")
+    with LiveServer(folder, port) as server:
+        say(f"{server.address} follows {folder}; Ctrl+C ends it")
         if show:
             webbrowser.open(server.address)
         server.run()

@@ -1,6 +1,7 @@
 """A server of one viewer's page, and of what lies beside it, to this machine alone."""
 
 import secrets
+from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -21,10 +22,10 @@ class ViewServer:
     """Serves a page on a port of the loopback device; 0 for one that is free. A frame of another page, such as a
     notebook, shows it where that knows the key of `frame_address`. Raises OutputError where the port is taken."""
 
-    def __init__(self, page: Path, port: int = 0) -> None:
+    def __init__(self, page: Path, port: int = 0, handler: Callable[..., "PageHandler"] | None = None) -> None:
         self._key = secrets.token_urlsafe(16)
         try:
-            self._server = ThreadingHTTPServer((LOOPBACK, port), partial(_Handler, page, self._key))
+            self._server = ThreadingHTTPServer((LOOPBACK, port), partial(handler or PageHandler, page, self._key))
         except OSError as error:
             raise OutputError(f"port {port}: cannot be served on ({reason(error)})") from error
 
@@ -62,7 +63,7 @@ class ViewServer:
         self.close()
 
 
-class _Handler(SimpleHTTPRequestHandler):
+class PageHandler(SimpleHTTPRequestHandler):
     """Gives out the page and the scripts beside it, and nothing else of the folder."""
 
     def __init__(self, page: Path, key: str, *args: object) -> None:
@@ -72,7 +73,7 @@ class _Handler(SimpleHTTPRequestHandler):
     def send_head(self) -> object:  # type: ignore[override]
         """Refuse other hosts' names (a web site may have its name point here), other sites' pages, and files that are
         no part of the viewer."""
-        refused = self._refused()
+        refused = self.refused()
         if refused is None:
             try:
                 return super().send_head()
@@ -81,12 +82,15 @@ class _Handler(SimpleHTTPRequestHandler):
         self.send_error(refused)
         return None
 
-    def _refused(self) -> HTTPStatus | None:
+    def refused(self) -> HTTPStatus | None:
         """Why a request has no answer; the page for the address of the server itself."""
+        return self.foreign() or self.unlisted()
+
+    def foreign(self) -> HTTPStatus | None:
+        """Why who asks has no answer: another host's name, or another site's page."""
         try:
             host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-            parts = urlsplit(self.path)
-            path, key = PurePosixPath(unquote(parts.path)), parse_qs(parts.query).get("key", [""])[0]
+            key = parse_qs(urlsplit(self.path).query).get("key", [""])[0]
         except ValueError:
             return HTTPStatus.BAD_REQUEST
         if host not in (LOOPBACK, "localhost"):
@@ -95,8 +99,15 @@ class _Handler(SimpleHTTPRequestHandler):
             key.encode(), self._key.encode()
         )
         shown = self.headers.get("Sec-Fetch-Dest") == "document" or framed
-        if self.headers.get("Sec-Fetch-Site", "none") in FOREIGN and not shown:
-            return HTTPStatus.FORBIDDEN
+        is_foreign = self.headers.get("Sec-Fetch-Site", "none") in FOREIGN and not shown
+        return HTTPStatus.FORBIDDEN if is_foreign else None
+
+    def unlisted(self) -> HTTPStatus | None:
+        """Why what is asked for has no answer: it is no part of the viewer."""
+        try:
+            path = PurePosixPath(unquote(urlsplit(self.path).path))
+        except ValueError:
+            return HTTPStatus.BAD_REQUEST
         if not path.is_absolute():
             return HTTPStatus.BAD_REQUEST
         if str(path) == "/":
