@@ -176,7 +176,7 @@ def advice_of_map(row: RowMap, camera: Floats) -> Iterator[Advice]:
     """What the latest map of a row calls for where the camera is at (3,) m: to go back to what was passed and is not
     certain, and to keep the right distance."""
     if row.face is not None:
-        distance = float(abs((camera - row.face.origin) @ row.face.up))
+        distance = float(abs((camera - row.face.origin) @ row.face.axes[:, 2]))
         if distance < NEAR_M:
             yield Advice("too-near", "attention", f"The structure is {distance:.1f} m away: keep more distance.")
         elif distance > FAR_M:

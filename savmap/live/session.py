@@ -312,7 +312,7 @@ class LiveMapping:
             advice.append(
                 Advice("not-seen", "attention", f"Nothing is seen that can be mapped: {self._reply.problem}.")
             )
-        if self.latest is not None:
+        if self.latest is not None and len(self.latest.trajectory.frames):
             advice += advice_of_map(self.latest, self.latest.trajectory.world_from_rig[-1, :3, 3])
         if self._lag_s() > LAG_S:
             text = "The map comes behind; nothing of the recording is lost, walk on."

@@ -1,0 +1,259 @@
+"""A live session: which frames are measured, when maps are made, what is on disk, and how it ends."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+import savmap
+from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
+from savmap.live import session
+from savmap.live.mapper import LivePlan, MapReply, MapRequest, ReadOnlyParts
+from savmap.live.session import STATE, LiveMapping
+from savmap.live.sources import live_job, recorded_job, recordings
+from savmap.pipeline.view_plans import PassPlan
+from savmap.plugin.manager import LoadedPlugin, loaded_plugin
+from savmap.site.job import Job
+from savmap.types import Detection, Feature, FrameTable, Panorama, RowMap, Trajectory, View, ViewPlan, ViewSpec
+
+from ..plugin.made_up_plugin import plugin_class
+from ..video.made_up_video import evenly, picture, write_video
+
+LAMPS = Path(__file__).parents[2] / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
+AHEAD = ViewSpec("ahead", 10.0, width=96, height=64)
+MAPPED = RowMap("1", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))), {}, ())
+
+
+class Config(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    threshold: float = 0.01
+
+
+def watcher(extract: Callable[[View], list[Feature]]) -> LoadedPlugin:
+    def extract_features(self: object, view: View, detections: list[Detection]) -> list[Feature]:
+        return extract(view)
+
+    return loaded_plugin(
+        "watcher", plugin_class(classes=("light",), model=LAMPS, extract_features=extract_features), Config()
+    )
+
+
+class FakeMapper:
+    """Answers every request with the same map."""
+
+    asked: list[MapRequest]
+
+    def __init__(self, *_: object) -> None:
+        self.is_busy, self.is_alive, self.closed = False, True, False
+        FakeMapper.asked = []
+
+    def request(self, asked: MapRequest) -> None:
+        FakeMapper.asked.append(asked)
+        self.is_busy = True
+
+    def reply(self, wait_s: float = 0.0) -> MapReply | None:
+        if not self.is_busy:
+            return None
+        self.is_busy = False
+        return MapReply(MAPPED, "", len(FakeMapper.asked[-1].measured), 0.1)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    video = write_video(tmp_path / "a.mp4", evenly(40, 10))
+    return live_job(video, ["shelves"], tmp_path / "out", None, 2.0, "left").walked
+
+
+@pytest.fixture
+def plan(monkeypatch: pytest.MonkeyPatch, job: Job) -> list[PassPlan]:
+    """What views are chosen, and the plugin that looks at them; a stand-in for the process that maps."""
+    return planned(monkeypatch, job, lambda view: [])
+
+
+def planned(monkeypatch: pytest.MonkeyPatch, job: Job, extract: Callable[[View], list[Feature]]) -> list[PassPlan]:
+    plugin, chosen = watcher(extract), list[PassPlan]()
+
+    def with_best_networks(name: str, row_pass: Any, *_: object) -> tuple[list[LoadedPlugin], PassPlan]:
+        chosen.append(PassPlan(name, row_pass.clip, {"watcher": ViewPlan((AHEAD,), np.eye(3))}, row_pass.side))
+        return [plugin], chosen[-1]
+
+    request = session.request_for
+    monkeypatch.setattr(session, "request_for", lambda *given: replace(request(*given), plugins=[plugin]))
+    monkeypatch.setattr(session, "with_best_networks", with_best_networks)
+    monkeypatch.setattr(session.PassPreview, "of_frames", lambda *_: None)
+    monkeypatch.setattr(session, "Mapper", FakeMapper)
+    return chosen
+
+
+def frames(count: int, pause_s: float = 0.0, first: int = 0) -> Iterator[Panorama]:
+    for number in range(first, count):
+        time.sleep(pause_s)
+        yield Panorama(number, number / 10, picture(number))
+
+
+def until(reached: Callable[[], bool]) -> None:
+    end = time.monotonic() + 20
+    while not reached() and time.monotonic() < end:
+        time.sleep(0.02)
+    assert reached()
+
+
+def test_views_are_chosen_by_the_first_frames(job: Job, plan: list[PassPlan]) -> None:
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(session.PREVIEWED - 1):
+            live.take(panorama)
+        time.sleep(0.1)
+        assert not plan
+        live.take(next(frames(session.PREVIEWED, first=session.PREVIEWED - 1)))
+        until(lambda: bool(plan))
+
+
+def test_every_frame_is_measured_or_passed_over(job: Job, plan: list[PassPlan]) -> None:
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(40, 0.01):
+            state = live.take(panorama)
+        until(lambda: live.state("walking").measured + live.state("walking").passed_over == 40)
+        assert state.frames == 40
+    content = json.loads((job.output / STATE).read_text())
+    assert content["status"] == "stopped"
+    assert content["measured"] + content["passed_over"] == 40
+    assert content["footage_s"] == 3.9
+
+
+def test_maps_follow_what_is_measured(job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "FIRST_MAP", 3)
+    monkeypatch.setattr(session, "FURTHER", 2)
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(40, 0.02):
+            live.take(panorama)
+        until(lambda: len(live.state("walking").problem) == 0 and live.take(panorama_after(40)).maps >= 2)
+        assert live.latest is MAPPED
+        sizes = [len(asked.measured) for asked in FakeMapper.asked]
+        assert sizes == sorted(sizes)
+        assert sizes[0] >= 3
+
+
+def panorama_after(number: int) -> Panorama:
+    return Panorama(number, number / 10, picture(number))
+
+
+def test_a_session_goes_on_where_it_stood(job: Job, plan: list[PassPlan]) -> None:
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(40, 0.02):
+            live.take(panorama)
+        until(lambda: live.state("walking").measured > 3)
+    measured = live.state("stopped").measured
+    with LiveMapping(job, "1", resume=True) as again:
+        assert again.resumed == measured
+        for panorama in frames(40):
+            again.take(panorama)
+        assert again.state("walking").measured >= measured
+    assert len(plan) == 1
+    with LiveMapping(job, "1") as fresh:
+        assert fresh.resumed == 0
+
+
+def test_measuring_that_fails_ends_the_session(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(view: View) -> list[Feature]:
+        raise PluginError("plugin `watcher` failed")
+
+    planned(monkeypatch, job, fails)
+    with LiveMapping(job, "1") as live:
+        taken = (live.take(panorama) for panorama in frames(400, 0.02))
+        with pytest.raises(PluginError, match="plugin `watcher` failed"):
+            list(taken)
+
+
+def test_nothing_to_be_mapped_is_said_and_looked_for_again(
+    job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def nothing(*_: object) -> None:
+        asked.append(1)
+        raise StructureError("no structure is seen")
+
+    monkeypatch.setattr(session, "with_best_networks", nothing)
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(40):
+            live.take(panorama)
+        until(lambda: len(asked) > 1)
+        state = live.take(panorama_after(40))
+    assert "Nothing is seen that can be mapped: no structure is seen." in [item.text for item in state.advice]
+
+
+def test_unknown_scale_is_said(tmp_path: Path, plan: list[PassPlan]) -> None:
+    bare = live_job(tmp_path / "a.mp4", ["shelves"], tmp_path / "out").walked
+    with LiveMapping(bare, "1") as live:
+        state = live.take(panorama_after(0))
+    assert [item.code for item in state.advice] == ["no-scale"]
+
+
+def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -> None:
+    request = session.request_for(job, "1")
+    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))}, {"watcher": ""})
+    _, plugins, pass_plan = live_plan.planned(request)
+    assert [plugin.name for plugin in plugins] == ["watcher"]
+    assert pass_plan.side == "left"
+    assert np.array_equal(pass_plan.attitude(), np.eye(3))
+
+
+def test_a_reader_of_the_journal_forgets_nothing() -> None:
+    class Parts(dict[int, bytes]):
+        def load(self, part: int) -> bytes | None:
+            return self.get(part)
+
+        save, drop = dict.__setitem__, dict.pop
+
+    parts = Parts({1: b"x"})
+    reader = ReadOnlyParts(parts)
+    reader.save(2, b"y")
+    assert not reader.drop(1)
+    assert reader.load(1) == b"x"
+    assert set(parts) == {1}
+
+
+def test_one_row_of_one_pass_is_filmed(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "a.mp4", evenly(4, 10))
+    site = tmp_path / "site.yaml"
+    site.write_text(
+        f"plugins: {{shelves: {{}}}}\nrows: {{A: {{passes: [{{video: {video}}}, {{video: {video}, start_s: 0.1}}]}}}}\n"
+    )
+    with pytest.raises(SiteError, match="row A has 2 passes; a live session films one"):
+        live_job(site, None, tmp_path / "out")
+    with pytest.raises(SiteError, match="has no row `B`; it has A"):
+        live_job(site, None, tmp_path / "out", "B")
+    job = recorded_job(site, None, tmp_path / "out")
+    assert job.clip.path == tmp_path / "out" / "recording.mkv"
+    assert len(job.recorded.site.rows["A"].passes) == 1
+
+
+def test_recordings_are_never_written_over(tmp_path: Path) -> None:
+    write_video(tmp_path / "recording.mkv", evenly(4, 10))
+    with pytest.raises(OutputError, match=r"recording\.mkv: is an earlier session's recording; go on with --resume"):
+        recorded_job(None, ["shelves"], tmp_path)
+    job = recorded_job(None, ["shelves"], tmp_path, resume=True)
+    assert recordings(tmp_path) == [tmp_path / "recording.mkv"]
+    names = [row_pass.video.name for row_pass in job.recorded.site.rows[job.row].passes]
+    assert names == ["recording.mkv", "recording-2.mkv"]
+    assert job.clip.path.name == "recording-2.mkv"
+
+
+def test_live_session_of_the_api(tmp_path: Path, job: Job, plan: list[PassPlan]) -> None:
+    with savmap.LiveSession(None, ["shelves"], output=tmp_path / "api", camera_height_m=2.0) as live:
+        for number in range(30):
+            state = live.add(number / 30, picture(number))
+        assert live.map() is None
+        with pytest.raises(VideoError, match=r"a panorama is \(H, 2H, 3\) uint8 RGB, and this is \(4, 4, 3\) uint8"):
+            live.add(2.0, np.zeros((4, 4, 3), np.uint8))
+    assert 14 <= state.frames <= 16
+    assert (tmp_path / "api" / "recording.mkv").stat().st_size > 1000

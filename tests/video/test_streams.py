@@ -1,0 +1,106 @@
+"""Footage that is still being made: folders that grow, cameras, and panoramas that are handed over."""
+
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from savmap.errors import OutputError, VideoError
+from savmap.types import Panorama
+from savmap.video.clip import Clip
+from savmap.video.reader import panoramas
+from savmap.video.streams import FrameRecorder, camera_frames, growing_folder, paced
+
+from .made_up_video import evenly, picture, write_video
+
+
+def fill(folder: Path, count: int, pause_s: float = 0.0) -> None:
+    for number in range(count):
+        cv2.imwrite(str(folder / f"{number:04d}.png"), picture(number))
+        time.sleep(pause_s)
+
+
+def test_growing_folder_gives_what_a_run_over_it_reads(tmp_path: Path) -> None:
+    clip = Clip(tmp_path, fps=15, images_fps=30)
+    writer = threading.Thread(target=fill, args=(tmp_path, 12, 0.02))
+    writer.start()
+    came = list(growing_folder(clip, 1.0))
+    writer.join()
+    read = list(panoramas(clip))
+    assert [(item.frame, item.stamp_s) for item in came] == [(item.frame, item.stamp_s) for item in read]
+    assert all(np.array_equal(a.image, b.image) for a, b in zip(came, read, strict=True))
+
+
+def test_picture_that_is_still_written_is_waited_for(tmp_path: Path) -> None:
+    fill(tmp_path, 2)
+    content = (tmp_path / "0001.png").read_bytes()
+    (tmp_path / "0001.png").write_bytes(content[: len(content) // 2])
+    frames = growing_folder(Clip(tmp_path, fps=30), 2.0)
+    assert next(frames).frame == 0
+    threading.Timer(0.1, (tmp_path / "0001.png").write_bytes, [content]).start()
+    assert np.array_equal(next(frames).image, cv2.cvtColor(picture(1), cv2.COLOR_BGR2RGB))
+
+
+def test_folder_in_which_nothing_comes(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match=r"no picture came within 0\.1 s; write panoramas into it, or raise --idle"):
+        next(growing_folder(Clip(tmp_path), 0.1))
+
+
+def test_picture_in_a_growing_folder_that_is_no_panorama(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "0.png"), picture(0, 100, 80))
+    with pytest.raises(VideoError, match="100x80, not 2:1"):
+        next(growing_folder(Clip(tmp_path), 1.0))
+
+
+def test_camera_is_recorded_as_it_comes(tmp_path: Path) -> None:
+    """A file takes the camera's place: FFmpeg opens both alike."""
+    video, recording = write_video(tmp_path / "a.mp4", evenly(20, 25)), tmp_path / "recording.mkv"
+    came = list(camera_frames(str(video), recording, 30.0))
+    read = list(panoramas(Clip(recording, fps=30)))
+    assert [item.frame for item in came] == [item.frame for item in read] == list(range(20))
+    assert np.allclose([item.stamp_s for item in came], [item.stamp_s for item in read], atol=2e-3)
+    assert all(np.array_equal(a.image, b.image) for a, b in zip(came, read, strict=True))
+
+
+def test_camera_that_cannot_be_opened(tmp_path: Path) -> None:
+    with pytest.raises(VideoError, match=r"rtsp://127\.0\.0\.1:9/x: cannot be opened .*; is the camera on"):
+        next(camera_frames("rtsp://127.0.0.1:9/x", tmp_path / "recording.mkv", 15.0))
+    assert not (tmp_path / "recording.mkv").exists()
+
+
+def test_recording_that_cannot_be_written(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "a.mp4", evenly(3, 25))
+    with pytest.raises(OutputError, match="the recording cannot be written"):
+        next(camera_frames(str(video), tmp_path / "absent" / "recording.mkv", 15.0))
+
+
+def test_panoramas_that_are_handed_over_are_recorded_with_their_times(tmp_path: Path) -> None:
+    recorder, stamps = FrameRecorder(tmp_path / "recording.mkv"), [0.0, 0.2, 0.25, 0.9]
+    for number, stamp in enumerate(stamps):
+        recorder.write(stamp, picture(number))
+    with pytest.raises(VideoError, match="times must ascend"):
+        recorder.write(0.9, picture(4))
+    recorder.close()
+    read = list(panoramas(Clip(tmp_path / "recording.mkv", fps=60)))
+    assert np.allclose([item.stamp_s for item in read], stamps, atol=1e-3)
+    assert max(int(np.abs(item.image.astype(int) - picture(n)).max()) for n, item in enumerate(read)) < 24
+
+
+def test_recording_that_is_cut_off_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "recording.mkv"
+    recorder = FrameRecorder(path)
+    for number in range(90):
+        recorder.write(number / 30, picture(number))
+    cut = tmp_path / "cut.mkv"
+    cut.write_bytes(path.read_bytes())  # the file is never ended
+    assert len(list(panoramas(Clip(cut, fps=30)))) >= 30
+
+
+def test_file_is_played_at_its_pace() -> None:
+    frames = [Panorama(number, number / 10, picture(number)) for number in range(4)]
+    begun = time.monotonic()
+    assert [item.frame for item in paced(frames, 2.0)] == [0, 1, 2, 3]
+    assert time.monotonic() - begun >= 0.14
