@@ -65,6 +65,7 @@ BENCHES: Mapping[str, Bench] = {
         {"good": "more", "wrong without a warning": "less", "missing": "less", "spurious": "less"},
     ),
     "photo-tiles": Bench("(a tool) Labelled photographs as pictures for training", 2),
+    "live": Bench("How far does a live session stay behind, what does it say, and what is left of one cut off?", 10),
     "signs": Bench(
         "How many legible signs are found and read, and is any text made up?",
         30,

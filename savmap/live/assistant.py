@@ -22,19 +22,22 @@ Arrow = Literal["", "left", "right", "back", "on", "up", "down"]
 
 RECENT, LEAST = 12, 4
 """Frames that figures are of, and how many of them are needed."""
-FAST_DEG = 24.0
-"""What is abeam may pass by so many degrees from a frame to the next: the same place is then in four frames or more."""
+FAST_DEG, LEAST_LIKENESS = 24.0, 0.75
+"""What is abeam may pass by so many degrees from a frame to the next: the same place is then in four frames or more; and
+the details of two frames should be so much alike once the motion is allowed for (`savmap.video.motion`)."""
 TURN_DEG_S = 20.0
 TILT_DEG = 12.0
 DARK, LIT_SHARE = 28.0, 0.1
 """Grey levels; less than this share of the band around the horizon is brighter."""
 FLICKER = 0.12
 """Change of the mean brightness from frame to frame, up and down in turn, of the mean."""
-BLUR, SHARP_FRAMES = 0.4, 40
+BLUR, SHARP_FRAMES = 0.6, 40
 """Of the usual sharpness of the latest so many frames."""
-STEADY, STEEP, COVERED_PX, BLOT_FRAMES, MOVING_DEG = 5.0, 2.0, 12, 10, 15.0
-"""Grey levels a pixel to the right, of an upright edge that stays where it is in so many frames in which what is abeam
-passes by so many degrees, and is so much steeper than level; of a connected piece of it, pixels."""
+STEADY, STEEP, OFTEN, BLOT_FRAMES, MOVING_DEG = 5.0, 2.0, 10, 14, 15.0
+"""An upright edge that stays where it is: grey levels a pixel to the right, so many times as steep as level, in all but so
+many percent of the frames, while what is abeam passes by so many degrees."""
+COVERED_DEG = 14.0
+"""The height of a connected piece of such edges."""
 FACING_DEG = 55.0
 NEAR_M, FAR_M = 0.5, 5.0
 BEHIND_M, NAMED = 1.5, 2
@@ -66,6 +69,7 @@ class CaptureAssistant:
     _greys: deque[Grey] = field(default_factory=lambda: deque(maxlen=BLOT_FRAMES))
     _swept: deque[float] = field(default_factory=lambda: deque(maxlen=BLOT_FRAMES))
     _turns: deque[float] = field(default_factory=lambda: deque(maxlen=LEAST))
+    _likeness: deque[float] = field(default_factory=lambda: deque(maxlen=LEAST))
     _means: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
     _sharpness: deque[float] = field(default_factory=lambda: deque(maxlen=SHARP_FRAMES))
     _frames: int = 0
@@ -89,6 +93,7 @@ class CaptureAssistant:
             motion, span = steps.motions[-1], float(steps.spans_s[-1])
             self._swept.append(max(sum(motion.sides) / 2 * span, 0.0))
             self._turns.append(motion.turn)
+            self._likeness.append(float(steps.likeness[-1]))
         if len(steps.motions) >= RECENT:
             self._watch = PassWatch()
             self._watch.take(stamp_s, grey)
@@ -103,8 +108,7 @@ class CaptureAssistant:
             yield Advice(
                 "covered", "stop", "Something covers the view of the structure: clean the lens, take the hand away."
             )
-        swept = float(np.median(list(self._swept)[-LEAST:])) if self._swept else 0.0
-        if swept > FAST_DEG:
+        if self.is_too_fast():
             yield Advice("too-fast", "attention", "Walk more slowly.", "back")
         turn = float(np.median(self._turns)) if self._turns else 0.0
         if abs(turn) > TURN_DEG_S:
@@ -137,11 +141,18 @@ class CaptureAssistant:
         """Whether a part of what faces the structure stays as it is while the rest moves on."""
         if self.facing_deg is None or len(self._greys) < BLOT_FRAMES or sum(self._swept) < MOVING_DEG:
             return False
-        return self.steady_px() > COVERED_PX
+        return self.steady_deg() > COVERED_DEG
 
-    def steady_px(self) -> int:
-        """The largest piece, in pixels of the small copy, of upright edges that stay where they are before what faces
-        the structure; edges along the way stay in place by themselves."""
+    def is_too_fast(self) -> bool:
+        """Whether the latest frames have too little in common, or what is abeam passes too far between them."""
+        if len(self._likeness) < LEAST:
+            return False
+        swept = float(np.median(list(self._swept)[-LEAST:]))
+        return bool(swept > FAST_DEG or np.median(self._likeness) < LEAST_LIKENESS)
+
+    def steady_deg(self) -> float:
+        """The height of the largest piece of upright edges that stay where they are before what faces the structure;
+        edges along the way stay in place by themselves."""
         bands = np.stack([horizon(grey) for grey in self._greys]).astype(np.float32)
         width = bands.shape[2]
         bearings = (np.arange(width) + 0.5) * 360 / width - 180
@@ -149,10 +160,12 @@ class CaptureAssistant:
         slopes, level = (
             np.stack([np.abs(cv2.Sobel(band, cv2.CV_32F, x, 1 - x)) / 8 for band in bands]) for x in (1, 0)
         )
-        upright = np.where(slopes > STEEP * level, slopes, 0.0)
-        steady = (upright[:, :, across].min(axis=0) > STEADY).astype(np.uint8)
-        _, _, stats, _ = cv2.connectedComponentsWithStats(steady, connectivity=8)
-        return int(stats[1:, cv2.CC_STAT_AREA].max()) if len(stats) > 1 else 0
+        upright = np.where(slopes > STEEP * level, slopes, 0.0)[:, :, across]
+        steady = (np.percentile(upright, OFTEN, axis=0) > STEADY).astype(np.uint8)
+        joined = cv2.dilate(steady, np.ones((3, 1), np.uint8))
+        _, _, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
+        height = int(stats[1:, cv2.CC_STAT_HEIGHT].max()) if len(stats) > 1 else 0
+        return height * 360.0 / int(width)
 
 
 def horizon(grey: Grey) -> Grey:
