@@ -97,7 +97,7 @@ class FolderCache:
             return False
         return True
 
-    def frames(self, row: str, key: str) -> Parts | None:
+    def frames(self, row: str, key: str) -> Parts:
         """Where what is measured in single frames of a row is kept, until all of them are measured."""
         return _FrameParts(self, row, key)
 

@@ -23,8 +23,8 @@ Arrow = Literal["", "left", "right", "back", "on", "up", "down"]
 RECENT, LEAST = 12, 4
 """Frames that figures are of, and how many of them are needed."""
 FAST_DEG, LEAST_LIKENESS = 24.0, 0.75
-"""What is abeam may pass by so many degrees from a frame to the next: the same place is then in four frames or more; and
-the details of two frames should be so much alike once the motion is allowed for (`savmap.video.motion`)."""
+"""What is abeam may pass by so many degrees from a frame to the next: the same place is then in four frames or more;
+and the details of two frames should be so much alike once the motion is allowed for (`savmap.video.motion`)."""
 TURN_DEG_S = 20.0
 TILT_DEG = 12.0
 DARK, LIT_SHARE = 28.0, 0.1
@@ -34,8 +34,8 @@ FLICKER = 0.12
 BLUR, SHARP_FRAMES = 0.6, 40
 """Of the usual sharpness of the latest so many frames."""
 STEADY, STEEP, OFTEN, BLOT_FRAMES, MOVING_DEG = 5.0, 2.0, 10, 14, 15.0
-"""An upright edge that stays where it is: grey levels a pixel to the right, so many times as steep as level, in all but so
-many percent of the frames, while what is abeam passes by so many degrees."""
+"""An upright edge that stays where it is: grey levels a pixel to the right, so many times as steep as level, in all but
+so many percent of the frames, while what is abeam passes by so many degrees."""
 COVERED_DEG = 14.0
 """The height of a connected piece of such edges."""
 FACING_DEG = 55.0

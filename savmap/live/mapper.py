@@ -8,7 +8,7 @@ import logging
 import multiprocessing
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -16,9 +16,10 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError
+from savmap.errors import SavmapError, SiteError
 from savmap.files.journal import Journal, Parts
 from savmap.files.serialization import packed, unpacked
+from savmap.jobs.cache import FolderCache
 from savmap.jobs.map_site import MAP, made_by
 from savmap.jobs.tasks import request_for
 from savmap.maps.map_file import write_map
@@ -104,15 +105,15 @@ class ReadOnlyParts:
 
 
 class Mapper:
-    """Maps a row of a job again and again, in another process. `parts`: where the walk's journal lies; `output`: the
-    folder that maps are written into."""
+    """Maps a row of a job again and again, in another process, into the job's output folder. `key`: of the frames that
+    the walk's journal keeps there."""
 
-    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan, output: Path) -> None:
+    def __init__(self, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
         context = multiprocessing.get_context("spawn")
         self._line, line = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(line, job, row, ReadOnlyParts(parts), live_plan, output),
+            args=(line, job, row, key, live_plan),
             name="savmap-live",
             daemon=True,
         )
@@ -148,28 +149,35 @@ class Mapper:
         self._line.close()
 
 
-def _serve(line: Connection, job: Job, row: str, parts: Parts, live_plan: LivePlan, output: Path) -> None:
+def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
+    parts = ReadOnlyParts(FolderCache(job.output).frames(row, key))
     with suppress(EOFError, KeyboardInterrupt, OSError), threadpool_limits(1, "blas"):
         while True:
-            line.send_bytes(
-                packed(map_so_far(job, row, parts, live_plan, unpacked(line.recv_bytes(), MapRequest), output))
-            )
+            line.send_bytes(packed(map_so_far(job, row, parts, live_plan, unpacked(line.recv_bytes(), MapRequest))))
 
 
-def map_so_far(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest, output: Path) -> MapReply:
+def map_so_far(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest) -> MapReply:
     """Map what the journal has of a row, and write map.json and view.html, each whole or not at all."""
     begun, measured = time.monotonic(), len(asked.measured)
     try:
         mapped = _mapped(job, row, parts, live_plan, asked)
         site_map = SiteMap({row: mapped}, made_by(job))
-        write_map(site_map, output / MAP)
-        write_view(View(site_map, None, f"{row} (provisional)"), output / VIEW)
+        write_map(site_map, job.output / MAP)
+        write_view(View(site_map, None, f"{row} (provisional)"), job.output / VIEW)
     except SavmapError as error:
         return MapReply(None, str(error), measured, time.monotonic() - begun)
     except Exception as error:
         log.error("%s", traceback.format_exc())
         return MapReply(None, f"unexpected {type(error).__name__}: {error}", measured, time.monotonic() - begun)
     return MapReply(mapped, "", measured, time.monotonic() - begun)
+
+
+def with_fewer_references(request: RowRequest) -> Iterator[RowRequest]:
+    """The row with those of its references that may hold before all of it was passed: without lengths and points on its
+    structures, then also without what plugins' settings say of these."""
+    fewer = replace(request, references=replace(request.references, lengths=(), points=()))
+    yield fewer
+    yield replace(fewer, plugins=[plugin.before_pixels() for plugin in request.plugins])
 
 
 def _mapped(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest) -> RowMap:
@@ -182,7 +190,11 @@ def _mapped(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapReq
             walk.take_known(number, stamp_s)
         else:
             walk.take_unmeasured(stamp_s)
-    (result,) = map_rows([find_structures(walk.walked(), monitor)], monitor)
+    measured = find_structures(walk.walked(), monitor)
+    for request in (measured.request, *with_fewer_references(measured.request)):
+        (result,) = map_rows([replace(measured, request=request)], monitor)
+        if not isinstance(result, SiteError):  # which refers to what was not passed yet
+            break
     if isinstance(result, SavmapError):
         raise result
     note = f"of {len(asked.measured)} of {len(asked.stamps_s)} frames, while the walk goes on"

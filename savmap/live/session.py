@@ -50,7 +50,7 @@ STATE = "live.json"
 PLAN = "live, plan"
 QUEUED = 2
 """Frames that wait to be measured; an older one is passed over."""
-WORKERS = max(1, min(2, (os.cpu_count() or 2) // 2))
+WORKERS = min(2, os.cpu_count() or 1)
 """Frames that are rendered and segmented at a time."""
 PREVIEWED, KEYS, PAIRS = 16, 5, 3
 """Frames from which views are chosen, at the least; of these so many are asked, and so many pairs of neighbours."""
@@ -144,9 +144,8 @@ class LiveMapping:
         self._tells_scale = tells_scale(job.site, row, job.plugins)
         self.assistant = CaptureAssistant()
         self.latest: RowMap | None = None
-        self._cache = FolderCache(job.output, fresh=not resume)
-        self._parts = self._cache.frames(row, digest(live=job.site.model_dump(mode="json"), row=row))
-        self._journal = Journal(self._parts)
+        self._key = digest(live=job.site.model_dump(mode="json"), row=row)
+        self._journal = Journal(FolderCache(job.output, fresh=not resume).frames(row, self._key))
         self._renderer, self._frames = Renderer(), _LatestFrames()
         self._stamps: list[float] = []
         self._measured: set[int] = set()
@@ -254,8 +253,7 @@ class LiveMapping:
         self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
         self._follow_attitude(plan.attitude())
-        assert self._parts is not None
-        self._mapper = Mapper(self.job, self.row, self._parts, live_plan, self.job.output)
+        self._mapper = Mapper(self.job, self.row, self._key, live_plan)
 
     def _follow_attitude(self, attitude: Floats | None) -> None:
         """Tell the assistant where the structure is, and how the camera leans."""

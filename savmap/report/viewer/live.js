@@ -4,11 +4,13 @@ const byId = (id) => document.getElementById(id);
 
 function showState(state) {
   const first = state.advice[0] ?? { severity: "good", text: "Walk on.", arrow: "on" };
-  byId("bar").className = first.severity;
-  byId("text").textContent = state.status === "walking" ? first.text : "The walk has ended.";
-  byId("arrow").textContent = state.status === "walking" ? ARROWS[first.arrow] : "";
+  const walking = state.status === "walking";
+  byId("bar").className = walking ? first.severity : "good";
+  byId("text").textContent = walking ? first.text : "The walk has ended; all that was recorded is mapped now.";
+  byId("arrow").textContent = walking ? ARROWS[first.arrow] : "";
   byId("figures").textContent =
     `${state.footage_s.toFixed(0)} s · ${state.measured} of ${state.frames} frames · ${state.elements} elements`;
+  byId("problem").textContent = state.maps || !state.problem ? "" : `No map yet: ${state.problem}`;
 }
 
 function showPlan(plan) {
