@@ -99,7 +99,7 @@ def test_all_commands_without_home_letters_and_epoch(named: Path) -> None:
         ["measure", "map.json", f"{NAME} / a", f"{NAME} / b"], ["export", "map.json", "-o", "ä.csv"], ["export", "map.json", "-o", "ä.dxf"],
         ["report", "map.json", "-o", "ä.html"], ["view", "map.json", "--no-open"], ["compare", "map.json", "map.json"],
         ["evaluate", "map.json", "ä.json"], ["align", "map.json", "ä.yaml", "-o", "ö.json"], ["import", "ä.dxf"], ["import", "ä.csv"],
-        ["init", "-o", "ä.yaml"], ["check", "ä.yaml"], ["map", "ä.yaml", "-o", "~/o"], ["demo", "-o", "~/o"], ["split", "ä.mp4"],
+        ["init", "-o", "ä.yaml"], ["check", "ä.yaml"], ["map", "ä.yaml", "-o", "~/o"], ["live", "ä.yaml", "-o", "~/o"], ["demo", "-o", "~/o"], ["split", "ä.mp4"],
         ["simulate", "ä.yaml", "-o", "~/o"], ["train", "shelves", "--data", "ä"], ["label", "ä.mp4"], ["adapt", "ä.yaml"],
         ["plugin", "new", "ä"],
     ]  # fmt: skip
