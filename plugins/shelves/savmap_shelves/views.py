@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from savmap.errors import StructureError
 from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.view_planning import (
     Face,
@@ -104,11 +105,18 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
 
 
 def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
-    """The view, or the narrowest wider one that shows two uprights in most key frames."""
+    """The view, or the narrowest wider one that shows two uprights in most key frames. Raises StructureError where no
+    key frame shows two, however wide the view: such a pass need not be looked at whole."""
     shown = [count(view) for view in pass_preview.views(spec)]
     if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
         return Fitted(spec)
-    return fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
+    fitted = fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
+    if fitted.warning and max(*shown, *(count(view) for view in pass_preview.views(fitted.spec))) < 2:
+        raise StructureError(
+            f"view {spec.name}: none of {len(shown)} pictures, evenly spaced over the pass, shows two uprights; check "
+            "the video and its `side`, or give the view's angles in the site file"
+        )
+    return fitted
 
 
 def count_uprights(features: Sequence[Feature]) -> int:

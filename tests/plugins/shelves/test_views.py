@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.types import Detection, Feature, Panorama, View, ViewSpec
 from savmap.vision.view_planning import Face, Manual, PassPreview, Side, parallax_rad
@@ -79,7 +80,15 @@ def test_a_field_of_view_given_by_hand_stays(pass_preview: PassPreview) -> None:
 
 
 def test_no_view_is_wide_enough(pass_preview: PassPreview) -> None:
-    assert "fewer than 2" in (widened(pass_preview, SPEC, lambda view: 0, Manual()).warning or "")
+    def in_few_pictures(view: View) -> int:
+        return 2 if view.frame == pass_preview.keys[0].frame else 1
+
+    assert "fewer than 2" in (widened(pass_preview, SPEC, in_few_pictures, Manual()).warning or "")
+
+
+def test_a_pass_that_never_shows_two_uprights_is_refused(pass_preview: PassPreview) -> None:
+    with pytest.raises(StructureError, match=r"none of \d+ pictures, evenly spaced over the pass, shows two uprights"):
+        widened(pass_preview, SPEC, lambda view: 1, Manual())
 
 
 def test_two_views_reach_from_80_below_to_80_above_and_neither_sees_the_zenith_or_nadir() -> None:
