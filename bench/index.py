@@ -44,6 +44,11 @@ BENCHES: Mapping[str, Bench] = {
         25,
         {"found": "more", "false": "less"},
     ),
+    "against": Bench(
+        "Is another pass along a mapped row laid into the right place, and what changed found?",
+        15,
+        {"wrong": "less", "right": "more", "found %": "more", "false %": "less", "after mm": "less"},
+    ),
     "physics": Bench(
         "Do wrong references and wrong clips ever end as a trusted map?",
         240,

@@ -18,6 +18,7 @@ SEEDS: Mapping[str, Mapping[str, Sequence[int]]] = {
     "signs": {"train": range(6000, 6006), "dev": range(6100, 6106), "test": range(36000, 36006)},
     "observation": {"train": range(3000, 3046), "dev": range(0, 46), "test": range(34000, 34046)},
     "pairs": {"train": range(100, 120), "dev": range(0, 20), "test": range(34100, 34120)},
+    "passes": {"train": range(200, 203), "dev": range(20, 22), "test": range(34200, 34202)},
     "recordings": {"train": range(5, 9), "dev": range(1, 5), "test": range(35000, 35004)},
     "dark rows": {"train": range(7001, 7025), "dev": range(7025, 7037), "test": range(37000, 37020)},
 }

@@ -40,6 +40,8 @@ def map_site(
     progress: Monitor | None = None,
     jobs: int = 0,
     overrides: Sequence[str] = (),
+    against: PathLike | None = None,
+    row: str | None = None,
 ) -> SiteMap:
     """Map all rows of a site.
 
@@ -47,13 +49,15 @@ def map_site(
     installed ones. output: a folder for all that `savmap map` writes, which also keeps what need not be done again;
     default: nothing is written. progress: is told what is done. jobs: rows mapped at a time, each in a process of its
     own (0: all in this one, in which a hook that never returns is never ended). overrides: single keys of the site
-    file, such as "rows.A.fps=5".
+    file, such as "rows.A.fps=5". against: a map of the same rows, or its folder: the passes are recognised in it, need
+    no references, and update it; row: which of its rows they show (default: found out).
 
     Rows that could not be mapped are in `failed` of the result. Raises SavmapError's kinds; the first row's error where
     no row could be mapped.
     """
     folder = where(output) if output is not None else Path()
-    job = job_for(where(site), _several(plugins), folder, overrides=overrides_of(_several(overrides) or [], {}))
+    keys, mapped = overrides_of(_several(overrides) or [], {}), None if against is None else where(against)
+    job = job_for(where(site), _several(plugins), folder, overrides=keys, against=mapped, against_row=row)
     return _mapped(job, output is not None, progress, jobs)
 
 
@@ -67,6 +71,8 @@ def map_video(
     progress: Monitor | None = None,
     jobs: int = 0,
     overrides: Sequence[str] = (),
+    against: PathLike | None = None,
+    row: str | None = None,
 ) -> SiteMap:
     """Map one row from one panoramic video (or a folder of pictures): a first map. The row's name is "1".
 
@@ -75,7 +81,8 @@ def map_video(
     `map_site`.
     """
     folder, keys = where(output) if output is not None else Path(), overrides_of(_several(overrides) or [], {})
-    job = job_for(where(video), _several(plugins), folder, camera_height_m, side, None, keys)
+    mapped = None if against is None else where(against)
+    job = job_for(where(video), _several(plugins), folder, camera_height_m, side, None, keys, mapped, row)
     return _mapped(job, output is not None, progress, jobs)
 
 

@@ -7,7 +7,7 @@ Every file that a result depends on is in its key:
 | videos, folders of pictures | `_footage`: name, size, time of change, both ends |
 | networks: those of a plugin, the one that the user names, their weights beside them, in float32 where a provider wants
 that | `_network` |
-| an earlier map whose path is used | `_file` |
+| an earlier map whose path is used, or that is updated | `_file` |
 | code of savmap and of plugins, with whatever lies in their packages beside it | `_sources` |
 | libraries that count, and those that a plugin names | their versions |
 | the survey, for pictures of it | its content |
@@ -68,6 +68,7 @@ def solution_key(job: Job, measurement_keys: Mapping[str, str]) -> str:
         plugins={row: [_plugin(plugin, pixels_only=False) for plugin in plugins_for(job, row)] for row in rows},
         references={row: job.site.row_references(row).model_dump(mode="json") for row in rows},
         calibration={row: job.site.row_calibration(row).model_dump(mode="json") for row in rows},
+        against=[_file(job.against), job.against_row],
     )
 
 

@@ -23,8 +23,10 @@ from savmap.files.texts import json_visible
 from savmap.files.urls import is_url
 from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
 from savmap.jobs.cache_keys import drawing_key
+from savmap.jobs.returning import back_in_map
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
+from savmap.maps.comparison import Comparison
 from savmap.maps.exports.files import timestamp
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
@@ -35,7 +37,7 @@ from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, report_for
+from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, plugins_of_map, report_for
 from savmap.report.viewer import View, write_view
 from savmap.report.viewer.page import PARTS, script_names
 from savmap.site.job import Job, plugins_for
@@ -59,7 +61,8 @@ MAPPED = (RowsFailedError, PluginsLeftOutError, MustCheckError)
 @dataclass(frozen=True, eq=False)
 class SiteRun:
     """What a run gave: the map, its scores where the site names a survey, what was done with each row, the rows that
-    failed, the plugins that failed anywhere, and the files that were written."""
+    failed, the plugins that failed anywhere, the files that were written, and what changed since the earlier map that
+    was updated."""
 
     site_map: SiteMap
     evaluation: Evaluation | None
@@ -67,6 +70,7 @@ class SiteRun:
     failed_rows: Mapping[str, SavmapError]
     failed_plugins: frozenset[str]
     files: tuple[Path, ...] = ()
+    comparison: Comparison | None = None
 
     def raise_if_incomplete(self, job: Job) -> None:
         """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed,
@@ -219,26 +223,44 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     )
     mapped = replace(mapped, log=with_footage(job, mapped.log))
     failed = {name: str(error) for name, error in mapped.failed.items()}
-    plugins = {name: {plugin.name: plugin for plugin in plugins_for(job, name)} for name in mapped.rows}
     survey = read_survey(job.site.survey) if job.site.survey else None
+    comparison: Comparison | None = None
     with failures_gathered() as failures, warnings_as_notes(monitor):
-        placed, notes = in_one_frame(job, SiteMap(mapped.rows, made_by(job), failed), plugins)
-        placed = with_warnings(placed, same_face_warnings({name: job.site.rows[name] for name in placed.rows}))
-        confirmed = with_confirmed(placed, {name: row.confirmed for name, row in job.site.rows.items()})
-        site_map, further = in_users_world(job, confirmed.site_map)
-        for note in (*notes, *confirmed.unused, *further):
-            monitor.note(note)
+        if job.against is None:
+            plugins: PluginsByRow = {name: {p.name: p for p in plugins_for(job, name)} for name in mapped.rows}
+            site_map = _assembled(job, SiteMap(mapped.rows, made_by(job), failed), plugins, monitor)
+        else:
+            mapped, result = back_in_map(job, mapped, made_by(job))
+            site_map, comparison = result.site_map, result.comparison
+            plugins = plugins_of_map(site_map)
         if write:
-            evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache)
+            evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache, comparison)
         else:
             evaluation, files = evaluation_of(site_map, survey, plugins) if survey else None, ()
     failed_plugins = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
     failed_plugins |= {failure.plugin for failure in failures}
-    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files)
+    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files, comparison)
+
+
+def _assembled(job: Job, site_map: SiteMap, plugins: PluginsByRow, monitor: Monitor) -> SiteMap:
+    """The map with its rows in one frame and in the user's world, as far as that is known, and what was confirmed."""
+    placed, notes = in_one_frame(job, site_map, plugins)
+    placed = with_warnings(placed, same_face_warnings({name: job.site.rows[name] for name in placed.rows}))
+    confirmed = with_confirmed(placed, {name: row.confirmed for name, row in job.site.rows.items()})
+    in_world, further = in_users_world(job, confirmed.site_map)
+    for note in (*notes, *confirmed.unused, *further):
+        monitor.note(note)
+    return in_world
 
 
 def _write_results(
-    job: Job, site_map: SiteMap, mapped: MappedRows, plugins: PluginsByRow, survey: Survey | None, cache: RowCache
+    job: Job,
+    site_map: SiteMap,
+    mapped: MappedRows,
+    plugins: PluginsByRow,
+    survey: Survey | None,
+    cache: RowCache,
+    comparison: Comparison | None,
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its
     orthophoto if there is one, and the box plot where there is a survey; the scores, and the files worth a look."""
@@ -248,7 +270,7 @@ def _write_results(
     write_text(job.output / RESOLVED, json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n")
     photos, stills = mapped.orthophotos, mapped.stills
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
-    report = replace(report, viewer=VIEW)
+    report = replace(report, viewer=VIEW, comparison=comparison)
     files = [job.output / MAP]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None

@@ -24,6 +24,7 @@ from savmap.pipeline.row import map_rows, measure
 from savmap.plugin import trace
 from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for
+from savmap.site.load import is_footage
 from savmap.site.references import calibration_of, references_of
 from savmap.types import Orthophoto, RowMap, RowStrips, Still, Trajectory
 from savmap.types.progress import Monitor, NoteCollector
@@ -226,7 +227,20 @@ def request_for(job: Job, row: str) -> RowRequest:
         path=earlier_path(job, row),
         calibration=calibration_of(job.site.row_calibration(row)),
         appearance=job.site.row_appearance(row),
+        against=mapped_rows(job, row),
     )
+
+
+def mapped_rows(job: Job, row: str) -> Mapping[str, RowMap]:
+    """The rows of an earlier map that a row's passes may show: the one that the user names, by an option or by the
+    row's name in a site file, else all."""
+    from savmap.maps.map_file import read_map  # loads the JSON Schema's library, which few runs need
+
+    if job.against is None:
+        return {}
+    rows = read_map(job.against).rows
+    chosen = job.against_row or (None if is_footage(job.source) else row)
+    return {chosen: rows[chosen]} if chosen is not None and chosen in rows else rows
 
 
 def earlier_path(job: Job, row: str) -> Trajectory | None:

@@ -7,6 +7,7 @@ from typing import TypeVar
 from savmap.errors import SavmapError
 from savmap.files.journal import Journal
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
+from savmap.maps.returning.recognition import RowPlace
 from savmap.pipeline.cutting import Cut
 from savmap.pipeline.trust.footage import with_warnings
 from savmap.plugin.manager import LoadedPlugin
@@ -20,6 +21,7 @@ from savmap.types import (
     MapWarning,
     PlanePatch,
     RowFacts,
+    RowMap,
     RowStrips,
     Structure,
     Track,
@@ -86,7 +88,8 @@ class RowRequest:
 
     `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated.
     `appearance`: whether points of any kind help with the camera's motion. `strips`: whether strips of the frames are
-    kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
+    kept for an orthophoto; `stills`: whether panoramas are, to be looked at. `against`: mapped rows, by name, in one of
+    which it is recognised.
     """
 
     name: str
@@ -99,6 +102,7 @@ class RowRequest:
     appearance: bool = False
     strips: bool = False
     stills: bool = False
+    against: Mapping[str, RowMap] = field(default_factory=dict)
 
     @property
     def attitudes(self) -> Mapping[str, Floats]:
@@ -156,10 +160,12 @@ def strips_of(row: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class LocatedRow(MeasuredRow):
-    """A measured row with the first poses of its frames, and the frames as the graph takes them."""
+    """A measured row with the first poses of its frames, and the frames as the graph takes them. `place`: where in a
+    mapped row it was recognised."""
 
     start: Trajectory
     frames: CameraPriors
+    place: RowPlace | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,13 @@ from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.journal import Journal
 from savmap.graph import Constraints
 from savmap.graph.joint_covariance import joint_covariance
+from savmap.maps.returning import recognition
+from savmap.maps.returning.frames import in_row
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
 from savmap.pipeline.other_paths import with_paths_of_others
 from savmap.pipeline.path import completed, first_poses
+from savmap.pipeline.recognising import NO_MARKS, assumed_length, bare, frame_references
 from savmap.pipeline.records import (
     DescribedRow,
     LocatedRow,
@@ -29,10 +32,12 @@ from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import FoundObject, PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.maps import SKIPPED
-from savmap.types.progress import Monitor
+from savmap.types.progress import Monitor, SilentMonitor
 
 ROOM_M = 0.3
 """Shown of a face around its structures."""
+FIRST_SOLVE = graph.SolveOptions(rounds=2, judge=False)
+"""Of a row that is to be recognised: its references are none that could be wrong."""
 
 
 def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow | SavmapError]:
@@ -47,7 +52,8 @@ def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) ->
     """Maps of measured rows, solved together where they are seen in the same frames (paper, section III). A row that
     cannot be mapped comes back as its error, and the others are mapped without it."""
     located = each(measured, locate)
-    tracked = each(located, lambda row: track(row, monitor))
+    recognised = each(located, lambda row: recognise(row, monitor))
+    tracked = each(recognised, lambda row: track(row, monitor))
     posed = each(tracked, lambda row: constrain(row, monitor))
     solved = solve(posed, monitor)
     described = each(solved, describe)
@@ -59,6 +65,28 @@ def locate(row: MeasuredRow) -> LocatedRow:
     request = completed(row.request, row.measurements.facts.frames)
     start, frames = first_poses(request, row.measurements)
     return LocatedRow(**{**vars(row), "request": request}, start=start, frames=frames)
+
+
+def recognise(row: LocatedRow, monitor: Monitor) -> LocatedRow:
+    """The row with its place in an earlier map and the references that follow from it, by a first solve in an assumed
+    scale; itself where there is no earlier map. Raises StructureError where it could be at several places, or at
+    none."""
+    if not row.request.against:
+        return row
+    measurements = replace(row.measurements, flows=(), depths=(), marks=NO_MARKS)
+    tracked = track(replace(row, measurements=measurements, frames=bare(row.frames)), SilentMonitor())
+    parts = (*tracked.constraints.values(), *tracked.camera_constraints)
+    located = graph.locate_camera(graph.merge(tracked.frames, *parts, partial=True))
+    of_locators = [located.points[name] for name in tracked.tracks if name in row.measurements.locators]
+    frames = replace(tracked.frames, references=assumed_length(of_locators))
+    problem = graph.merge(frames, *parts, partial=True)
+    solved = SolvedRow(**vars(tracked), problem=problem, solution=graph.solve(problem, FIRST_SOLVE))
+    seen = collect(describe(solved))
+    place = recognition.recognised(seen, row.request.against)
+    monitor.note(f"row {row.request.name}: recognised as row {place.ends}")
+    references = frame_references(place, row.request.against[place.row], seen.structures, solved.solution)
+    request = replace(row.request, references=references)
+    return replace(row, request=request, frames=replace(row.frames, references=references), place=place)
 
 
 def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
@@ -168,11 +196,11 @@ def face_of(row: SolvedRow, structures: Mapping[str, Sequence[Structure]]) -> Pl
 
 
 def collect(row: DescribedRow) -> RowMap:
-    """The row's map, judged: the record that is written to disk."""
+    """The row's map, judged, in the frame of the row that it was recognised as: the record that is written to disk."""
     facts, solution = row.measurements.facts, row.solution
     notes = (*row.measurements.notes, *row.notes, *solution.notes)
     structures, verdict = judge(row)
-    return RowMap(
+    row_map = RowMap(
         name=row.request.name,
         frames=facts.frames,
         views=facts.views,
@@ -189,6 +217,7 @@ def collect(row: DescribedRow) -> RowMap:
         verdict=verdict,
         joint=joint_covariance(structures, solution),
     )
+    return row_map if row.place is None else in_row(row_map, row.place, row.request.against[row.place.row])
 
 
 def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasurements) -> Iterator[LoadedPlugin]:

@@ -13,6 +13,7 @@ from savmap.errors import OutputError, PluginError, SiteError
 from savmap.files.atomic import PREFIX, reason, require_no_device
 from savmap.files.urls import is_url
 from savmap.files.validation import SHORT
+from savmap.maps.map_file import map_in
 from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
 from savmap.site.load import draft_of, is_footage, notes_on, read_draft, site_of
@@ -32,7 +33,8 @@ _received: dict[str, "Job"] = {}
 class Job:
     """One run: the site, where it was read, the names of its plugins, where to write, a map whose camera path is known,
     where the site's keys were given, and notes: sections that are empty, which plugins are taken where nobody named
-    any.
+    any. `against`: a map of the same rows that the run updates; `against_row`: which row of it the passes show, where
+    the user says so.
 
     A job opens each plugin once for each of its settings. One that reaches another process several times is the same
     object there, so this holds for every process.
@@ -45,6 +47,8 @@ class Job:
     earlier: Path | None = None
     places: SourceMap = field(default_factory=lambda: SourceMap("options"))
     notes: tuple[str, ...] = ()
+    against: Path | None = None
+    against_row: str | None = None
     token: str = field(default_factory=lambda: uuid.uuid4().hex)
     _opened: dict[tuple[str, str], LoadedPlugin] = field(default_factory=dict, init=False, repr=False)
 
@@ -88,14 +92,17 @@ def job_for(
     side: str | None = None,
     earlier: Path | None = None,
     overrides: Sequence[Override] = (),
+    against: Path | None = None,
+    against_row: str | None = None,
 ) -> Job:
     """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder
-    of pictures); `overrides` are set in either.
+    of pictures); `overrides` are set in either. `against`: a map, or its folder, that the run updates.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
     if (source / SITE_FILE).is_file():
         source = source / SITE_FILE
+    require_one_map(earlier, against, against_row)
     if is_footage(source):
         content = video_content(source, camera_height_m, side)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
@@ -107,7 +114,17 @@ def job_for(
         draft = read_draft(source, overrides)
     site = site_of(draft)
     names, note = chosen_plugins(site, plugins)
-    return Job(site, source, names, output, earlier, draft.places, (*notes_on(draft), *([note] if note else [])))
+    notes = (*notes_on(draft), *([note] if note else []))
+    mapped = None if against is None else map_in(against)
+    return Job(site, source, names, output, earlier, draft.places, notes, mapped, against_row)
+
+
+def require_one_map(earlier: Path | None, against: Path | None, against_row: str | None) -> None:
+    """Raise SiteError where options about an earlier map do not go together."""
+    if earlier is not None and against is not None:
+        raise SiteError("--trajectory and --against: give one of them; --trajectory is for the same footage once more")
+    if against_row is not None and against is None:
+        raise SiteError(f"--row {against_row}: says which row of an earlier map is filmed; give that with --against")
 
 
 def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:

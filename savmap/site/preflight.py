@@ -21,6 +21,7 @@ from savmap.errors import (
 )
 from savmap.files.urls import is_url
 from savmap.files.validation import Location
+from savmap.maps.map_file import read_map, require_other
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
@@ -102,7 +103,8 @@ def require_ready(job: Job) -> None:
     cannot be read.
     """
     settings = settings_problems(job.site, job.plugins, job.places)
-    for problem in chain(settings, footage(job), networks(job, named=True), references(job), survey(job)):
+    checks = (earlier_map(job), footage(job), networks(job, named=True), references(job), survey(job))
+    for problem in chain(settings, *checks):
         if isinstance(problem, SavmapError):
             raise problem
 
@@ -140,12 +142,27 @@ def references(job: Job) -> Iterator[SavmapError]:
         for problem in (*_misnamed(job, row, given), *_unprintable(job, row, given))
     )
     for row in job.site.rows:
-        if job.earlier is None and not tells_scale(job.site, row, job.plugins):
+        if job.earlier is None and job.against is None and not tells_scale(job.site, row, job.plugins):
             text = (
                 f"row {row}: the map's scale is not known; give the camera's height (--camera-height with a video), "
                 "a length or a marker (see docs/site-file.md)"
             )
             yield with_location(SolveError(text), job.places, ("rows", row))
+
+
+def earlier_map(job: Job) -> Iterator[SavmapError]:
+    """What is wrong with the map that a run updates: it is none, has not the row that is named, or is in the folder
+    that the run writes to."""
+    if job.against is None:
+        return
+    try:
+        rows = read_map(job.against).rows
+        require_other(job.output / job.against.name, job.against)
+    except OutputError as error:
+        yield SiteError(f"--against: {error}" + ("" if job.against.is_file() else "; give a map.json or its folder"))
+        return
+    if job.against_row is not None and job.against_row not in rows:
+        yield SiteError(f"--row {job.against_row}: {job.against} has no such row; it has {', '.join(rows)}")
 
 
 def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:

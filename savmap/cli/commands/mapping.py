@@ -22,6 +22,13 @@ def map_(
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(help="A map of the same place, or its folder: this pass is recognised in it and updates it."),
+    ] = None,
+    row: Annotated[
+        str | None, typer.Option(help="The row of that map which the pass shows. Default: found out.")
+    ] = None,
     preview: Annotated[bool, typer.Option(help="Only write pictures of the chosen views.")] = False,
     jobs: Annotated[
         int | None,
@@ -52,7 +59,7 @@ def map_(
     off = {"orthophotos=false": no_orthophotos, "panoramas=false": no_panoramas}
     overrides = overrides_of([*(sets or []), *(setting for setting, chosen in off.items() if chosen)], os.environ)
     with nullcontext() if preview else failures_told(source, output):
-        job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides)
+        job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides, against, row)
         preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
 

@@ -200,9 +200,8 @@ def _scaled(old: Elements, new: Elements, covers: Covers) -> Iterator[Reading]:
     the row as well as upwards: bays of other widths may have equals at other heights."""
     for factor in _factors(old, new):
         larger = replace(old, middles=factor * old.middles, sizes=factor * old.sizes)
-        passed = replace(covers[0], places=factor * covers[0].places, reach_m=factor * covers[0].reach_m)
         for turned in (False, True):
-            for reading in _readings(larger, new, (passed, covers[1]), turned):
+            for reading in _readings(larger, new, (covers[0].moved(factor), covers[1]), turned):
                 free = fit(old, new, reading.pairs, turned, free_scale=True)
                 if np.abs(free.unknowns[SCALE] - (factor - 1)).max() < EVEN_SCALE:
                     yield replace(reading, fit=free)
@@ -292,11 +291,13 @@ def _likeness(old: Elements, new: Elements) -> Floats:
 
 def paired(old: Elements, new: Elements, placed: Floats, gate_m: float) -> Pairs:
     """Pairs of elements of one kind no further apart than `gate_m`, along no axis; together they are as near as can be.
-    `placed` (n, 3): the old middles in the new frame. Heights that nobody measured count for nothing."""
+    `placed` (n, 3): the old middles in the new frame. A coordinate that nobody measured counts for nothing as far as an
+    element is long."""
     if not len(old) or not len(new):
         return ()
     distance = np.abs(new.middles[None] - placed[:, None])
     loose = np.hypot(old.middle_sigmas[:, None], new.middle_sigmas[None]) > NEAR_SIZE_M
+    loose &= distance < np.maximum(old.sizes[:, None], new.sizes[None])
     cost = np.linalg.norm(np.where(loose, np.minimum(distance, 0.1 * gate_m), distance), axis=2)
     cost[old.groups[:, None] != new.groups[None]] = np.inf
     # to leave a pair of elements without partners costs the gate

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from savmap.maps.search import WRITTEN
-from savmap.types import Floats, Ints, Measured, RowMap, Structure, array_record
+from savmap.types import Bools, Floats, Ints, Measured, RowMap, Structure, array_record
 
 LEAST_REACH_M, REACH_SHARE = 0.5, 0.5
 """How far beyond its places a camera is taken to see an element whole: as a share of its distance from the face."""
@@ -114,27 +114,40 @@ def _misread(structure: Structure) -> float:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Coverage:
-    """What of a row the camera passed: places (n,) m along x, from each of which it sees `reach_m` far to either side;
-    the plugins that were asked."""
+    """What of a row the camera passed: by plugin that was asked, places (n,) m along x, from each of which it sees
+    `reach_m` far to either side."""
 
-    places: Floats
+    places: Mapping[str, Floats]
     reach_m: float
-    plugins: frozenset[str]
 
     def has(self, plugin: str, x: float, size: float) -> bool:
         """Whether a plugin would have found something of a size along x, with its middle there."""
-        if plugin not in self.plugins or not len(self.places):
-            return False
-        ends = np.array([x - size / 2, x, x + size / 2])
-        return bool(np.abs(self.places[None] - ends[:, None]).min(axis=1).max() <= self.reach_m)
+        return bool(self.shows(plugin, np.array([x]), np.array([size]))[0])
+
+    def shows(self, plugin: str, x: Floats, sizes: Floats, reach: Floats | float = 1.0) -> Bools:
+        """The same of n middles and sizes (n,), for `reach` times as far."""
+        places = np.sort(self.places.get(plugin, np.zeros(0)))
+        if not len(places):
+            return np.zeros(len(x), dtype=np.bool_)
+        ends = x[:, None] + sizes[:, None] * np.array([-0.5, 0.0, 0.5])
+        after = np.clip(np.searchsorted(places, ends), 0, len(places) - 1)
+        off = np.minimum(np.abs(ends - places[after]), np.abs(ends - places[np.maximum(after - 1, 0)]))
+        return np.asarray(off.max(axis=1) <= self.reach_m * reach)
+
+    def moved(self, scale: float, shift_m: float = 0.0) -> "Coverage":
+        """The same in a frame of another scale and origin along x."""
+        return Coverage({name: scale * x + shift_m for name, x in self.places.items()}, scale * self.reach_m)
 
 
 def coverage_of(row: RowMap, elements: Elements) -> Coverage:
-    """From the camera's places, and from what was mapped. A row that is filmed in part goes on where the path ends, so
-    that only what was passed whole counts as seen."""
+    """From the camera's places, and, for each plugin, from what it mapped. A row that is filmed in part goes on where
+    the path ends, so that only what was passed whole counts as seen."""
     poses = row.trajectory.world_from_rig
     reach = LEAST_REACH_M
     if len(poses):
         reach = max(REACH_SHARE * float(np.median(np.abs(poses[:, 2, 3]))), LEAST_REACH_M)
+    plugins = np.array([elements.kinds[group][0] for group in elements.groups.tolist()], dtype=object)
     ends = [elements.middles[:, 0] + side * elements.sizes[:, 0] / 2 for side in (-1, 0, 1)]
-    return Coverage(np.concatenate([poses[:, 0, 3], *ends]), reach, frozenset(row.structures))
+    return Coverage(
+        {name: np.concatenate([poses[:, 0, 3], *(x[plugins == name] for x in ends)]) for name in row.structures}, reach
+    )
