@@ -49,6 +49,7 @@ ROWS, BAYS = 10, 10
 POST_M, INSTALLED_M = 0.1, 0.002
 MOVES_M = (-0.1, -0.05, 0.05, 0.1)
 SIGN_SIGMA_M = 0.01
+"""Of a sign's place; half of it is the sign's alone, as of real maps."""
 
 
 @dataclass(frozen=True)
@@ -116,11 +117,13 @@ def row_map(name: str, driven: DrivenRow, solution: Solution, structures: Sequen
 def with_signs(
     row: RowMap, shelves: Rack, name: str, first: int, rng: np.random.Generator, scale: float = 1.0, low: float = 0.0
 ) -> RowMap:
-    """The row with a sign in each bay, whose text numbers the bays from `first`."""
-    left = np.cumsum([POST_M, *(bay["width"] + POST_M for bay in shelves["bays"][:-1])])
+    """The row with a sign at the left in each bay, whose text numbers the bays from `first`; one more where a pass ends within the row, for it
+    shows that of the next bay."""
+    left = np.cumsum([POST_M, *(bay["width"] + POST_M for bay in shelves["bays"])])
+    left = left[: BAYS - first]
     signs = []
     for number, x in enumerate(left):
-        corner = scale * (np.array([x + 0.4, 1.5, 0.01]) + rng.normal(0, SIGN_SIGMA_M, 3)) + np.array([0, low, 0])
+        corner = scale * (np.array([x + 0.4, 1.5, 0.01]) + rng.normal(0, SIGN_SIGMA_M / 2, 3)) + np.array([0, low, 0])
         quad = corner + scale * np.array([[0, 0.2, 0], [0.3, 0.2, 0], [0.3, 0, 0], [0, 0, 0.0]])
         sign = f"sign {number + 1}"
         labels = tuple(f"{sign} / {part}" for part in range(4))

@@ -21,7 +21,7 @@ from savmap.errors import (
 )
 from savmap.files.urls import is_url
 from savmap.files.validation import Location
-from savmap.maps.map_file import read_map, require_other
+from savmap.maps.map_file import read_map
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
@@ -157,12 +157,18 @@ def earlier_map(job: Job) -> Iterator[SavmapError]:
         return
     try:
         rows = read_map(job.against).rows
-        require_other(job.output / job.against.name, job.against)
     except OutputError as error:
         yield SiteError(f"--against: {error}" + ("" if job.against.is_file() else "; give a map.json or its folder"))
         return
+    if _is_within(job.against, job.output):
+        yield SiteError(f"--against: {job.against}: lies where this run writes its map; choose another -o")
     if job.against_row is not None and job.against_row not in rows:
         yield SiteError(f"--row {job.against_row}: {job.against} has no such row; it has {', '.join(rows)}")
+
+
+def _is_within(file: Path, folder: Path) -> bool:
+    """Whether a file lies in a folder, which need not be there."""
+    return not is_url(file) and not is_url(folder) and file.resolve().parent == folder.resolve()
 
 
 def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:

@@ -33,7 +33,7 @@ MOVED_M, SPREAD_M = 0.15, np.array([1.0, 0.5])
 """How far moved elements are off, about, and the range along x and y in which an element of the kind may be."""
 EQUAL_TEXT, OTHER_TEXT = 4.0, -3.0
 """Log-likelihood ratios of texts that agree and that differ: labels are replaced, and misread."""
-TEMPER = 0.5
+TEMPER = 0.4
 """Weight of the residuals' log-likelihood: errors of neighbours go together, so that they are fewer than they seem."""
 LOWEST_SCALE, HIGHEST_SCALE = 0.2, 5.0
 EVEN_SCALE = 0.003
