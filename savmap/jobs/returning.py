@@ -21,7 +21,8 @@ def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tup
         if row.name in passes:
             other = next(given for given, taken in names.items() if taken == row.name)
             raise StructureError(
-                f"rows {other} and {name} are both row {row.name} of {job.against}: give their videos as passes of one row"
+                f"rows {other} and {name} are both row {row.name} of {job.against}: "
+                "give their videos as passes of one row"
             )
         names[name], passes[row.name] = row.name, row
     result = updated(read_map(job.against), passes, made_by)

@@ -27,10 +27,11 @@ BAYS = place.irregular(5)
 def lamps_of(row: RowMap) -> RowMap:
     """The row as a plugin that is installed might have mapped it."""
     posts = [part for part in row.structures["racks"] if part.label == "post"]
+    edges, up = np.zeros((0, 2), np.int64), np.array([0.0, 4.0, 0.0])
     lamps = [
-        Structure(f"light {k}", "light", post.vertices[:1] + [0, 4, 0], post.covariances[:1], (f"light {k} / centre",), np.zeros((0, 2), int))
-        for k, post in enumerate(posts, 1)
-    ]  # fmt: skip
+        Structure(name, "light", post.vertices[:1] + up, post.covariances[:1], (f"{name} / centre",), edges)
+        for name, post in ((f"light {k}", post) for k, post in enumerate(posts, 1))
+    ]
     return replace(row, structures={"lights": tuple(lamps)})
 
 

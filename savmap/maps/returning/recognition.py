@@ -28,7 +28,7 @@ NAMED, LEAST_NAMED = 4, 1e-3
 MISSING, MOVED = 0.03, 0.03
 """Shares of elements that one map lacks though its camera passed them, and that stand elsewhere now."""
 FIRST_SIGMA_M, LEAST_SIGMA_M, MOST_SIGMA_M = 0.02, 0.003, 0.02
-"""Of a residual: before anything is fitted; at least, as the places of racks' parts scatter; at most."""
+"""Of a residual: before anything is fitted; at least, as what is installed alike scatters; at most."""
 MOVED_M, SPREAD_M = 0.15, np.array([1.0, 0.5])
 """How far moved elements are off, about, and the range along x and y in which an element of the kind may be."""
 EQUAL_TEXT, OTHER_TEXT = 4.0, -3.0
@@ -127,8 +127,8 @@ def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
     more = f" and {len(named) - NAMED} more" if len(named) > NAMED else ""
     raise StructureError(
         f"row {seen.name}: the pass looks alike at several places of the earlier map: row "
-        f"{'; row '.join(named[:NAMED])}{more}; name the row with --row, or film more of it: past an end, or a bay, "
-        "sign or lamp that is unlike the others"
+        f"{'; row '.join(named[:NAMED])}{more}; name the row with --row, or film more of it: past an end, or something "
+        "that is unlike the rest, such as a text"
     )
 
 

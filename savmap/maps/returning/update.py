@@ -1,9 +1,10 @@
 """An earlier map with what another pass showed.
 
-Both maps are in the row's frame, and the pass is laid onto the earlier map as the comparison of both says. What both have and no test tells apart is where both together put it, with the
-covariance of an intersection (Julier and Uhlmann 1997, weights by traces as of Niehsen 2002): the pass has its frame
-from the map, so that their errors go together by an unknown amount. What moved or changed is as the pass shows it; what
-is missing goes; what the camera did not pass stays. Labels are those of the earlier map.
+Both maps are in the row's frame, and the pass is laid onto the earlier map as the comparison of both says. What both
+have and no test tells apart is where both together put it, by covariance intersection (Julier and Uhlmann 1997, weights
+by traces as of Niehsen 2002): the pass has its frame from the map, so that their errors go together by an unknown
+amount. What moved or changed is as the pass shows it; what is missing goes; what the camera did not pass stays. Labels
+are those of the earlier map.
 """
 
 import re
