@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.maps.search import WRITTEN
 from savmap.types import Bools, Floats, Ints, Measured, RowMap, Structure, array_record
@@ -35,6 +36,11 @@ class Elements:
 
     def __len__(self) -> int:
         return len(self.structures)
+
+    @property
+    def plugins(self) -> NDArray[np.object_]:
+        """The plugins (n,) that the elements are of."""
+        return np.array([self.kinds[group][0] for group in self.groups.tolist()], dtype=object)
 
 
 def elements_of(structures: Mapping[str, Sequence[Structure]], kinds: Sequence[tuple[str, str]]) -> Elements:
@@ -146,8 +152,11 @@ def coverage_of(row: RowMap, elements: Elements) -> Coverage:
     reach = LEAST_REACH_M
     if len(poses):
         reach = max(REACH_SHARE * float(np.median(np.abs(poses[:, 2, 3]))), LEAST_REACH_M)
-    plugins = np.array([elements.kinds[group][0] for group in elements.groups.tolist()], dtype=object)
     ends = [elements.middles[:, 0] + side * elements.sizes[:, 0] / 2 for side in (-1, 0, 1)]
     return Coverage(
-        {name: np.concatenate([poses[:, 0, 3], *(x[plugins == name] for x in ends)]) for name in row.structures}, reach
+        {
+            name: np.concatenate([poses[:, 0, 3], *(x[elements.plugins == name] for x in ends)])
+            for name in row.structures
+        },
+        reach,
     )

@@ -6,7 +6,8 @@ interval of the mapped row gives one, which the elements of all kinds refine. It
 
     log N(residual; sigma) against a uniform density     of pairs, a few of which moved,
     log rate                                             of elements of either map that the other should have shown,
-    log of the texts' agreement                          of what is written on pairs.
+    log of the texts' agreement                          of what is written on pairs,
+    log chance that the row goes on beyond its map       where the pass shows more; it may go on as it is elsewhere.
 
 Hypotheses have equal prior probabilities, as has that the pass shows no row of the map.
 """
@@ -40,9 +41,12 @@ EVEN_SCALE = 0.003
 """How much scales along x and y of two maps differ, about."""
 GATE_M = np.array([0.3, 0.2])
 MEASURED_M, SAME_M, BIN_M = 0.15, 0.003, 0.05
-PROMISING, MOST_PLACES, ROUNDS, TUKEY = 0.6, 4000, 3, 5.0
+PROMISING, MOST_PLACES, ROUNDS, TUKEY = 0.34, 4000, 3, 5.0
 NARROW_M, NARROW_REACH = 0.5, 2.0
 """An element that is no wider is seen whole from twice as far ahead or behind as a wide one."""
+GOES_ON, ELSEWHERE_M = 0.003, 0.5
+"""The chance that a row goes on beyond an end of its map: rows are mapped whole. What is no further apart is one
+place."""
 HOPELESS = 100.0
 """A hypothesis whose log-likelihood is less by this with a coarse scatter is not looked at with the right one."""
 
@@ -89,6 +93,13 @@ class Shown:
             edges |= both
         return counted
 
+    @cached_property
+    def of_most(self) -> Bools:
+        """Which elements (n,) are of the plugin that mapped most of them."""
+        plugins = self.elements.plugins
+        names, counts = np.unique(plugins, return_counts=True)
+        return np.asarray(plugins == names[counts.argmax()]) if len(names) else np.zeros(0, dtype=np.bool_)
+
     def within(self, low: float, high: float) -> "Shown":
         """Without what lies outside of a range along x, m."""
         x = self.elements.middles[:, 0]
@@ -108,6 +119,18 @@ class Laid:
         """Middles (n, 3) of the pass, in the row (n, 2)."""
         placed: Floats = middles[:, :2] * self.scales + self.shifts
         return placed
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A hypothesis: its place, and for the n elements of the pass what each pair gains (n,), its partner's x (n,) m
+    (both NaN without a partner), which (n,) are beyond the mapped part of the row, and on how many sides."""
+
+    place: RowPlace
+    gains: Floats
+    partners: Floats
+    beyond: Bools
+    sides: int
 
 
 def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
@@ -141,12 +164,13 @@ def likely_places(seen: RowMap, rows: Mapping[str, RowMap]) -> list[tuple[RowPla
     laid = [(name, other, item) for name, other in mapped.items() for item in _laid(here, other)]
     if not laid:
         return []
-    first = [_place(here, *hypothesis, FIRST_SIGMA_M) for hypothesis in laid]
-    likeliest = max(first, key=lambda place: place.score)
+    first = [_scored(here, *hypothesis, FIRST_SIGMA_M) for hypothesis in laid]
+    likeliest = max(first, key=lambda scored: scored.place.score).place
     sigma = float(np.clip(likeliest.scatter_m, LEAST_SIGMA_M, MOST_SIGMA_M))
-    near = [item for item, place in zip(laid, first, strict=True) if place.score > likeliest.score - HOPELESS]
+    near = [item for item, scored in zip(laid, first, strict=True) if scored.place.score > likeliest.score - HOPELESS]
+    every = [_scored(here, *hypothesis, sigma) for hypothesis in near]
     best: dict[tuple[str, tuple[str, str, str]], RowPlace] = {}
-    for place in (_place(here, *hypothesis, sigma) for hypothesis in near):
+    for place in (place for name in mapped for place in _extended([s for s in every if s.place.row == name])):
         key = place.row, place.pairs[0]
         if key not in best or place.score > best[key].score:
             best[key] = place
@@ -325,21 +349,43 @@ def _fitted(here: Elements, other: Elements, pairs: Ints, scale: float) -> Laid:
     return Laid(unknowns[:2], unknowns[2:], pairs, information / spread**2)
 
 
-def _place(here: Shown, name: str, other: Shown, laid: Laid, sigma: float) -> RowPlace:
-    """A hypothesis as a record with its score, where residuals scatter by `sigma`."""
+def _scored(here: Shown, name: str, other: Shown, laid: Laid, sigma: float) -> Scored:
+    """A hypothesis with its score, where residuals scatter by `sigma`."""
     rows, columns = laid.pairs.T
     placed = laid.placed(here.elements.middles)
     off = other.elements.middles[columns, :2] - placed[rows]
     counted = _measured(here.elements)[rows] & _measured(other.elements)[columns]
     counted[:, 0] &= here.of_own_edges[rows]
-    score = _of_pairs(here.elements, other.elements, laid, off, counted, sigma)
-    score += _unexplained(here, other, laid, placed)
-    spread = _scatter(off[counted])
+    gains, partners = np.full((2, len(here.elements)), np.nan)
+    gains[rows] = _gains(here.elements, other.elements, laid, off, counted, sigma)
+    partners[rows] = other.elements.middles[columns, 0]
+    missed, beyond = _unexplained(here, other, laid, placed)
     order = np.argsort(placed[rows, 0], kind="stable")
     pairs = tuple(_named(here.elements, other.elements, int(rows[k]), int(columns[k])) for k in order)
     to_common = np.array([[0.5, 0.5, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     covariance = to_common @ np.linalg.inv(laid.information) @ to_common.T
-    return RowPlace(name, float(laid.scales.mean()), laid.shifts, covariance, pairs, spread, score)
+    score = float(np.nansum(gains)) + missed * float(np.log(MISSING))
+    place = RowPlace(name, float(laid.scales.mean()), laid.shifts, covariance, pairs, _scatter(off[counted]), score)
+    x = placed[beyond, 0]
+    middle = float(np.median(other.elements.middles[:, 0]))
+    return Scored(place, gains, partners, beyond, int((x < middle).any()) + int((x > middle).any()))
+
+
+def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
+    """The places of one row with what the pass shows beyond the mapped part of it: the row may go on there as it is
+    elsewhere. How alike its parts are, the best of the other places tells than the best one."""
+    ordered = sorted(every, key=lambda scored: -scored.place.score)
+    others = (other for other in ordered[1:] if _is_elsewhere(ordered[0], other))
+    alike = next((np.nan_to_num(other.gains, nan=0.0) for other in others), np.zeros(1))
+    alike = np.broadcast_to(alike, ordered[0].gains.shape) if ordered else alike
+    for scored in ordered:
+        more = float(alike[scored.beyond].sum()) + scored.sides * float(np.log(GOES_ON))
+        yield replace(scored.place, score=scored.place.score + more)
+
+
+def _is_elsewhere(best: Scored, other: Scored) -> bool:
+    """Whether no element has about the same partner in two hypotheses."""
+    return not bool((np.abs(best.partners - other.partners) < ELSEWHERE_M).any())
 
 
 def _scatter(off: Floats) -> float:
@@ -351,16 +397,16 @@ def _named(here: Elements, other: Elements, i: int, j: int) -> tuple[str, str, s
     return here.kinds[here.groups[i]][0], here.structures[i].id, other.structures[j].id
 
 
-def _of_pairs(here: Elements, other: Elements, laid: Laid, off: Floats, counted: Bools, sigma: float) -> float:
-    """The log-likelihood ratio of pairs that are `off` (k, 2) m from one another."""
+def _gains(here: Elements, other: Elements, laid: Laid, off: Floats, counted: Bools, sigma: float) -> Floats:
+    """The log-likelihood ratios (k,) of pairs that are `off` (k, 2) m from one another."""
     rows, columns = laid.pairs.T
     extra = np.hypot(laid.scales * _excess(here)[rows], _excess(other)[columns])
     spread = np.hypot(sigma, extra)
     stayed = (1 - MOVED) * _normal(off, spread) + MOVED * _normal(off, np.full_like(off, MOVED_M))
-    ratio = float(np.log((stayed * SPREAD_M)[counted]).sum())
+    ratio = np.where(counted, np.log(np.where(counted, stayed * SPREAD_M, 1.0)), 0.0).sum(axis=1)
     texts = [(here.texts[i], other.texts[j]) for i, j in laid.pairs.tolist()]
-    written = sum(EQUAL_TEXT if a == b else OTHER_TEXT for a, b in texts if a and b)
-    return TEMPER * ratio + written + len(off) * float(np.log(1 - MISSING))
+    written = np.array([(EQUAL_TEXT if a == b else OTHER_TEXT) if a and b else 0.0 for a, b in texts])
+    return np.asarray(TEMPER * ratio + written + np.log(1 - MISSING))
 
 
 def _normal(off: Floats, sigma: Floats) -> Floats:
@@ -377,23 +423,27 @@ def _excess(elements: Elements) -> Floats:
     return excess
 
 
-def _unexplained(here: Shown, other: Shown, laid: Laid, placed: Floats) -> float:
-    """The log-likelihood ratio of the elements of either that have no partner though the other's camera passed them."""
+def _unexplained(here: Shown, other: Shown, laid: Laid, placed: Floats) -> tuple[int, Bools]:
+    """How many elements of either have no partner though the other's camera passed them; and which (n,) of the pass
+    have none for the row was not mapped there, of the plugin that mapped most of the pass."""
     rows, columns = laid.pairs.T
     scale = float(laid.scales[0])
-    count = _passed(here.elements, rows, placed[:, 0], scale * here.elements.sizes[:, 0], other.cover)
-    x, sizes = other.elements.middles[:, 0], other.elements.sizes[:, 0]
-    count += _passed(other.elements, columns, x, sizes, here.cover.moved(scale, float(laid.shifts[0])))
-    return count * float(np.log(MISSING))
+    sizes = scale * here.elements.sizes[:, 0]
+    missed = _passed(here.elements, rows, placed[:, 0], sizes, other.cover)
+    x, widths = other.elements.middles[:, 0], other.elements.sizes[:, 0]
+    missing = _passed(other.elements, columns, x, widths, here.cover.moved(scale, float(laid.shifts[0])))
+    beyond = ~missed & here.of_most
+    beyond[rows] = False
+    return int(missed.sum()) + int(missing.sum()), beyond
 
 
-def _passed(elements: Elements, paired: Ints, x: Floats, sizes: Floats, cover: Coverage) -> int:
-    """How many elements that are not paired a camera passed whole."""
-    left = np.setdiff1d(np.arange(len(elements)), paired)
-    plugins = [elements.kinds[group][0] for group in elements.groups[left].tolist()]
-    count = 0
-    for plugin in sorted(set(plugins)):
-        chosen = left[[name == plugin for name in plugins]]
+def _passed(elements: Elements, paired: Ints, x: Floats, sizes: Floats, cover: Coverage) -> Bools:
+    """Which elements (n,) are not paired, though a camera passed them whole."""
+    passed = np.zeros(len(elements), dtype=np.bool_)
+    plugins = elements.plugins
+    for plugin in sorted(set(plugins.tolist())):
+        chosen = plugins == plugin
         reach = np.where(sizes[chosen] < NARROW_M, NARROW_REACH, 1.0)
-        count += int(cover.shows(plugin, x[chosen], sizes[chosen], reach).sum())
-    return count
+        passed[chosen] = cover.shows(plugin, x[chosen], sizes[chosen], reach)
+    passed[paired] = False
+    return passed
