@@ -44,9 +44,9 @@ MEASURED_M, SAME_M, BIN_M = 0.15, 0.003, 0.05
 PROMISING, MOST_PLACES, ROUNDS, TUKEY = 0.34, 4000, 3, 5.0
 NARROW_M, NARROW_REACH = 0.5, 2.0
 """An element that is no wider is seen whole from twice as far ahead or behind as a wide one."""
-GOES_ON, ELSEWHERE_M = 0.003, 0.5
-"""The chance that a row goes on beyond an end of its map: rows are mapped whole. What is no further apart is one
-place."""
+GOES_ON, CUT, PAST_M, ELSEWHERE_M = 0.003, 0.5, 0.3, 0.5
+"""The chance that a row goes on beyond an end of its map that the camera went past, by so much; and beyond another one.
+What is no further from one another is one place."""
 HOPELESS = 100.0
 """A hypothesis whose log-likelihood is less by this with a coarse scatter is not looked at with the right one."""
 
@@ -74,10 +74,11 @@ class RowPlace:
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """The elements of a row, and the part of it that its camera passed."""
+    """The elements of a row, the part of it that its camera passed, and from where to where along x, m, that went."""
 
     elements: Elements
     cover: Coverage
+    path: tuple[float, float]
 
     @cached_property
     def of_own_edges(self) -> Bools:
@@ -124,13 +125,14 @@ class Laid:
 @dataclass(frozen=True, eq=False)
 class Scored:
     """A hypothesis: its place, and for the n elements of the pass what each pair gains (n,), its partner's x (n,) m
-    (both NaN without a partner), which (n,) are beyond the mapped part of the row, and on how many sides."""
+    (both NaN without a partner), which (n,) are beyond the mapped part of the row, and the log-probability that the row
+    goes on there."""
 
     place: RowPlace
     gains: Floats
     partners: Floats
     beyond: Bools
-    sides: int
+    goes_on: float
 
 
 def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
@@ -198,7 +200,8 @@ def _distinct(places: Sequence[RowPlace]) -> list[RowPlace]:
 
 def _shown(row: RowMap, kinds: Sequence[tuple[str, str]]) -> Shown:
     elements = elements_of(row.structures, kinds)
-    return Shown(elements, coverage_of(row, elements))
+    x = row.trajectory.world_from_rig[:, 0, 3]
+    return Shown(elements, coverage_of(row, elements), (float(x.min(initial=np.inf)), float(x.max(initial=-np.inf))))
 
 
 def _chosen(elements: Elements, numbers: Ints) -> Elements:
@@ -366,9 +369,21 @@ def _scored(here: Shown, name: str, other: Shown, laid: Laid, sigma: float) -> S
     covariance = to_common @ np.linalg.inv(laid.information) @ to_common.T
     score = float(np.nansum(gains)) + missed * float(np.log(MISSING))
     place = RowPlace(name, float(laid.scales.mean()), laid.shifts, covariance, pairs, _scatter(off[counted]), score)
-    x = placed[beyond, 0]
-    middle = float(np.median(other.elements.middles[:, 0]))
-    return Scored(place, gains, partners, beyond, int((x < middle).any()) + int((x > middle).any()))
+    return Scored(place, gains, partners, beyond, _goes_on(other, placed[beyond, 0]))
+
+
+def _goes_on(mapped: Shown, x: Floats) -> float:
+    """The log-probability that a row has elements at x (k,) m, where it was not mapped: small on a side where its
+    camera went past the end."""
+    middles, halves = mapped.elements.middles[:, 0], mapped.elements.sizes[:, 0] / 2
+    of_most = mapped.of_most
+    ends = float((middles - halves)[of_most].min()), float((middles + halves)[of_most].max())
+    past = mapped.path[0] < ends[0] - PAST_M, mapped.path[1] > ends[1] + PAST_M
+    middle = float(np.median(middles))
+    sides = (x < middle).any(), (x > middle).any()
+    return sum(
+        float(np.log(GOES_ON if went_past else CUT)) for side, went_past in zip(sides, past, strict=True) if side
+    )
 
 
 def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
@@ -379,7 +394,7 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
     alike = next((np.nan_to_num(other.gains, nan=0.0) for other in others), np.zeros(1))
     alike = np.broadcast_to(alike, ordered[0].gains.shape) if ordered else alike
     for scored in ordered:
-        more = float(alike[scored.beyond].sum()) + scored.sides * float(np.log(GOES_ON))
+        more = float(alike[scored.beyond].sum()) + scored.goes_on
         yield replace(scored.place, score=scored.place.score + more)
 
 
