@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from savmap.errors import StructureError
 from savmap.graph import CameraPriors, KnownLength, Landmark, References, Solution, SurveyedPoint
 from savmap.maps.comparison.elements import elements_of, kinds_of
 from savmap.maps.returning.recognition import RowPlace
@@ -24,12 +25,12 @@ SCALE_SIGMA, HEIGHT_SIGMA_M = 0.003, 0.005
 MEASURED_M, ASSUMED = 0.15, 0.001
 
 
+NO_MARKS = MarkerTracks({}, {})
+
+
 def bare(frames: CameraPriors) -> CameraPriors:
     """The frames without any reference."""
     return replace(frames, references=References())
-
-
-NO_MARKS = MarkerTracks({}, {})
 
 
 def assumed_length(points: Iterable[Mapping[str, Floats]]) -> References:
@@ -45,10 +46,14 @@ def frame_references(
     """What the map says of the scale and the heights of a pass whose structures were solved in another scale.
 
     The length is that between the two landmarks that are farthest apart of those in both maps; the heights are those of
-    the landmarks that are known best, of as many elements.
+    the landmarks that are known best, of as many elements. Raises StructureError where none is measured.
     """
     measured = [*_measured(place, structures, solution)]
     along = [item for item in measured if item[1].covariance[0, 0] < MEASURED_M**2]
+    if not along:
+        raise StructureError(
+            f"row {place.row}: nothing that the pass shows of it is measured well enough; film more of it"
+        )
     first = min(along, key=lambda item: float(item[1].position[0]))
     last = max(along, key=lambda item: float(item[1].position[0]))
     span = place.scale * float(last[1].position[0] - first[1].position[0])

@@ -81,10 +81,11 @@ def recognise(row: LocatedRow, monitor: Monitor) -> LocatedRow:
     frames = replace(tracked.frames, references=assumed_length(of_locators))
     problem = graph.merge(frames, *parts, partial=True)
     solved = SolvedRow(**vars(tracked), problem=problem, solution=graph.solve(problem, FIRST_SOLVE))
-    seen = collect(describe(solved))
+    facts, structures = row.measurements.facts, describe(solved).structures
+    seen = RowMap(row.request.name, facts.frames, facts.views, solved.solution.trajectory, structures, ())
     place = recognition.recognised(seen, row.request.against)
     monitor.note(f"row {row.request.name}: recognised as row {place.ends}")
-    references = frame_references(place, row.request.against[place.row], seen.structures, solved.solution)
+    references = frame_references(place, row.request.against[place.row], structures, solved.solution)
     request = replace(row.request, references=references)
     return replace(row, request=request, frames=replace(row.frames, references=references), place=place)
 

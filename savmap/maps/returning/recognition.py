@@ -24,7 +24,7 @@ from savmap.types import Bools, Floats, Ints, RowMap, array_record
 
 SURE = 0.99
 """Only a place that is as probable is taken."""
-NAMED, LEAST_NAMED = 4, 1e-3
+NAMED, LEAST_NAMED = 4, 0.005
 """Candidates that a refusal names: so many, and so probable at least."""
 MISSING, MOVED = 0.03, 0.03
 """Shares of elements that one map lacks though its camera passed them, and that stand elsewhere now."""
