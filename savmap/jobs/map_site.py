@@ -76,6 +76,11 @@ class SiteRun:
         """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed,
         MustCheckError where something speaks against a row's map."""
         banner = self.site_map.banner
+        if self.failed_rows and job.against is not None:
+            names = ", ".join(self.failed_rows)
+            raise RowsFailedError(
+                f"nothing is updated by row {names}, which could not be mapped; {job.output / LOG} says why"
+            )
         if self.failed_rows:
             raise RowsFailedError(f"{banner}; {job.output / MAP} says why")
         if self.failed_plugins:

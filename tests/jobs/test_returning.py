@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from savmap.errors import StructureError, VideoError
+from savmap.errors import RowsFailedError, StructureError, VideoError
 from savmap.jobs.map_site import MAP, map_job_into
 from savmap.jobs.returning import back_in_map
 from savmap.jobs.scheduler import MappedRows, RunOptions
@@ -54,6 +54,15 @@ def test_rows_are_called_as_in_the_map(job: Job) -> None:
     assert result.site_map.failed == {"B": "b.mp4: empty"}
     assert result.site_map.made_by == {"savmap": "2"}
     assert {change.state for change in result.comparison.rows[0].elements} == {"same"}
+
+
+def test_a_row_that_failed_is_told(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", lambda *_, **__: mapped("1", A=VideoError("empty")))
+    job.output.mkdir()
+    run = map_job_into(job, RunOptions(jobs=0), NoteCollector())
+    assert not run.site_map.failed
+    with pytest.raises(RowsFailedError, match=r"nothing is updated by row A, which could not be mapped; .*run.json"):
+        run.raise_if_incomplete(job)
 
 
 def test_two_rows_that_are_one_are_refused(job: Job) -> None:
