@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from savmap.jobs.api import export as export
     from savmap.jobs.api import find as find
     from savmap.jobs.api import import_survey as import_survey
+    from savmap.jobs.api import inspect as inspect
     from savmap.jobs.api import load_map as load_map
     from savmap.jobs.api import map_site as map_site
     from savmap.jobs.api import map_video as map_video
@@ -47,7 +48,9 @@ if TYPE_CHECKING:
     from savmap.types import Detection as Detection
     from savmap.types import Evaluation as Evaluation
     from savmap.types import Feature as Feature
+    from savmap.types import Finding as Finding
     from savmap.types import FrameTable as FrameTable
+    from savmap.types import Inspection as Inspection
     from savmap.types import MapWarning as MapWarning
     from savmap.types import Panorama as Panorama
     from savmap.types import Placement as Placement
@@ -68,7 +71,9 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "savmap.errors": "SavmapError",
-    "savmap.jobs.api": "align compare evaluate export find import_survey load_map map_site map_video measure view",
+    "savmap.jobs.api": (
+        "align compare evaluate export find import_survey inspect load_map map_site map_video measure view"
+    ),
     "savmap.live.api": "LiveSession",
     "savmap.maps.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
     "savmap.maps.distance": "VertexDistance",
@@ -79,8 +84,8 @@ _NAMES = {
     "savmap.plugin.protocol": "Plugin",
     "savmap.report.viewer.notebook": "MapView",
     "savmap.types": (
-        "CrossRowLandmark Detection MapWarning Evaluation Feature FrameTable Panorama Placement ReferenceUse RowFacts "
-        "RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec"
+        "CrossRowLandmark Detection MapWarning Evaluation Feature Finding FrameTable Inspection Panorama Placement "
+        "ReferenceUse RowFacts RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec"
     ),
     "savmap.types.progress": "Monitor",
 }

@@ -13,6 +13,7 @@ KINDS = {
     "savmap-survey": "a survey",
     "savmap-run": "the record of a run",
     "savmap-comparison": "a comparison of two maps",
+    "savmap-inspection": "an inspection",
 }
 HEAD = 1 << 16
 """Characters of a file in which its format stands."""

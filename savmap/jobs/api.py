@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
 from savmap.assembly import aligned
 from savmap.errors import SiteError
@@ -20,13 +21,15 @@ from savmap.maps.map_file import map_in, read_map, write_map
 from savmap.maps.search import SearchHit, find_structures
 from savmap.maps.survey import read_survey
 from savmap.plugin.manager import exporters, load_installed, open_plugin
+from savmap.report.inspection import inspect_map
 from savmap.report.site_report import evaluation_of, openings_of, places_of, plugins_of_map, viewed
 from savmap.report.viewer.notebook import MapView, in_notebook
 from savmap.site.job import Job, job_for, prepare
+from savmap.site.limits import limits_of, load_limits
 from savmap.site.load import load_alignment
 from savmap.site.overrides import overrides_of
 from savmap.site.preflight import require_ready
-from savmap.types import Evaluation, SiteMap, Survey
+from savmap.types import Evaluation, Inspection, SiteMap, Survey
 from savmap.types.progress import Monitor, SilentMonitor
 
 PathLike = str | Path
@@ -112,6 +115,34 @@ def compare(old: SiteMap | PathLike, new: SiteMap | PathLike, level: float = LEV
     """
     before, after = map(_map_of, (old, new))
     return compare_maps(before, after, (openings_of(before), openings_of(after)), level)
+
+
+def inspect(
+    site_map: SiteMap | PathLike,
+    limits: PathLike | Mapping[str, Any] | None = None,
+    *,
+    drawing: PathLike | Survey | None = None,
+) -> Inspection:
+    """What in a map keeps the limits of an inspection, and what does not: a measuring aid for a person who may inspect,
+    and no inspection by itself.
+
+    limits: a file of limits, or what stands in it; default: the plugins'. drawing: what was ordered or built: a survey
+    file, or a table or drawing as `import_survey` reads it. Raises SiteError for limits that are wrong, OutputError for
+    a file that cannot be read, PluginError for a plugin that fails.
+    """
+    inspected = _map_of(site_map)
+    if limits is None or isinstance(limits, Mapping):
+        return inspect_map(inspected, limits_of(limits or {}), _survey_of(drawing, inspected))
+    path = where(limits)
+    return inspect_map(inspected, load_limits(path), _survey_of(drawing, inspected), str(path))
+
+
+def _survey_of(source: PathLike | Survey | None, site_map: SiteMap) -> Survey | None:
+    """A survey, that of a file, or that of a table or drawing whose rows the map places."""
+    if source is None or isinstance(source, Survey):
+        return source
+    path = where(source)
+    return read_survey(path) if path.suffix.lower() == ".json" else import_survey(path, site_map).survey
 
 
 def align(site_map: SiteMap | PathLike, places: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:

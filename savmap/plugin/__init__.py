@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from savmap.plugin.contract import check_plugin as check_plugin
     from savmap.plugin.hookspecs import Exporter as Exporter
     from savmap.plugin.hookspecs import hookimpl as hookimpl
+    from savmap.plugin.inspection import InspectionLimits as InspectionLimits
+    from savmap.plugin.inspection import Limit as Limit
     from savmap.plugin.points.sightings import Sightings as Sightings
     from savmap.plugin.points.sightings import frames_showing as frames_showing
     from savmap.plugin.points.sightings import gathering_level as gathering_level
@@ -60,11 +62,14 @@ if TYPE_CHECKING:
     from savmap.types import Attribute as Attribute
     from savmap.types import Axis as Axis
     from savmap.types import Bools as Bools
+    from savmap.types import CloseUp as CloseUp
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
     from savmap.types import Drawing as Drawing
     from savmap.types import Feature as Feature
+    from savmap.types import Finding as Finding
+    from savmap.types import FindingTable as FindingTable
     from savmap.types import FlatParts as FlatParts
     from savmap.types import Floats as Floats
     from savmap.types import FoundObject as FoundObject
@@ -77,6 +82,7 @@ if TYPE_CHECKING:
     from savmap.types import PlaneEvidence as PlaneEvidence
     from savmap.types import PlanePatch as PlanePatch
     from savmap.types import RowFacts as RowFacts
+    from savmap.types import RowInspection as RowInspection
     from savmap.types import Score as Score
     from savmap.types import SiteMap as SiteMap
     from savmap.types import Solid as Solid
@@ -112,6 +118,7 @@ _NAMES = {
     ),
     "savmap.plugin.contract": "check_plugin",
     "savmap.plugin.hookspecs": "Exporter hookimpl",
+    "savmap.plugin.inspection": "InspectionLimits Limit",
     "savmap.plugin.points.sightings": (
         "Sightings frames_showing gathering_level sightings track_of tracks_along_face tracks_on_floor"
     ),
@@ -121,10 +128,10 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis Bools CrossRowLandmark Detection Distances Drawing Feature FlatParts Floats "
-        "FoundObject MapWarning "
-        "FrameTable Ints JointCovariance Measured Panorama PlaneEvidence PlanePatch RowFacts Score SiteMap Solid "
-        "Structure SurveyEntry Thresholds Track Trajectory View ViewPlan ViewSpec"
+        "Attribute Axis Bools CloseUp CrossRowLandmark Detection Distances Drawing Feature Finding FindingTable "
+        "FlatParts Floats FoundObject FrameTable Ints JointCovariance MapWarning Measured Panorama PlaneEvidence "
+        "PlanePatch RowFacts RowInspection Score SiteMap Solid Structure SurveyEntry Thresholds Track Trajectory View "
+        "ViewPlan ViewSpec"
     ),
     "savmap.vision.view_planning": (
         "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at fit_count fit_height "

@@ -21,6 +21,7 @@ from savmap.types import (
     Measured,
     PlanePatch,
     RowFacts,
+    RowInspection,
     Solid,
     Structure,
     Track,
@@ -181,6 +182,19 @@ def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structur
             ids.issuperset(warning.subjects),
             f"a warning about {sorted(set(warning.subjects) - ids)}, which is not among the structures",
         )
+
+
+def check_inspection(inspection: RowInspection, structures: Sequence[Structure]) -> None:
+    """Tables of different names, and parts to be shown of structures that were given, finite and of a size."""
+    ids = {structure.id for structure in structures}
+    _require_distinct((table.name for table in inspection.tables), "tables with the name")
+    for table in inspection.tables:
+        require(bool(re.fullmatch("[a-z0-9-]+", table.name)), f"table `{table.name}`: a name is small letters and -")
+    for part in inspection.close_ups:
+        where = f"part `{part.title}`"
+        require(part.subject in ids, f"{where}: no structure has the id `{part.subject}`")
+        require(_finite(part.corners), f"{where}: a corner is not finite")
+        require(bool((np.ptp(part.corners[:, :2], axis=0) > 0).all()), f"{where}: it has no width or no height")
 
 
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:

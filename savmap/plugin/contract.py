@@ -111,7 +111,7 @@ def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
         score = plugin.evaluate(related, {})
         plugin.draw(related, None, score.deviations)
         plugin.openings(related)
-        plugin.places(related, None)
+        plugin.inspect(related, {plugin.name: plugin.places(related, None)}, None, plugin.limits({}, "contract"), None)
         plugin.survey_entry(related)
         plugin.cross_row_landmarks(related)
     except PluginFailedError as error:

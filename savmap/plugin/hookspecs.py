@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import pluggy
+from pydantic import BaseModel
 
 from savmap.types import (
     CrossRowLandmark,
@@ -23,6 +24,7 @@ from savmap.types import (
     PlaneEvidence,
     PlanePatch,
     RowFacts,
+    RowInspection,
     SiteMap,
     Structure,
     Thresholds,
@@ -161,6 +163,21 @@ def places(structures: Sequence[Structure], joint: JointCovariance | None) -> li
     them, as structures with an id and a label of their own, and attributes that number them, or say how large they are
     (`Measured`). `joint`: what the errors of the structures' vertices share; None where that is not known. Default:
     none."""
+
+
+@hookspec(firstresult=True)
+def inspect(
+    structures: Sequence[Structure],
+    places: Mapping[str, Sequence[Structure]],
+    joint: JointCovariance | None,
+    limits: BaseModel,
+    survey: Mapping[str, Any] | None,
+) -> RowInspection:
+    """Inspection: what of a row's structures keeps the limits, and what does not.
+
+    `places`: those of the row that have a name, by plugin; `joint`: what the errors of the structures' vertices share;
+    `limits`: an object of the plugin's `Limits`; `survey`: the row's entry of a drawing or survey, where one is given,
+    m. Default: nothing is inspected."""
 
 
 @hookspec(firstresult=True)

@@ -18,6 +18,7 @@ from savmap.errors import PluginError, PluginFailedError, SavmapError, format_er
 from savmap.files.validation import validated
 from savmap.plugin import checks, hookspecs
 from savmap.plugin.calls import Hook, HookCaller
+from savmap.plugin.inspection import InspectionLimits
 from savmap.plugin.protocol import class_faults, implements
 from savmap.types import (
     CrossRowLandmark,
@@ -29,6 +30,7 @@ from savmap.types import (
     MapWarning,
     PlanePatch,
     RowFacts,
+    RowInspection,
     Score,
     Structure,
     SurveyEntry,
@@ -162,6 +164,7 @@ class LoadedPlugin(HookCaller):
     warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)
     openings = Hook(hookspecs.openings, list[Structure], checks.check_structures, _nothing)
     places = Hook(hookspecs.places, list[Structure], checks.check_structures, _nothing)
+    inspect = Hook(hookspecs.inspect, RowInspection, checks.check_inspection, lambda _: RowInspection())
     cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks, _nothing)
     evaluate = Hook(hookspecs.evaluate, Score, checks.check_score, lambda _: Score())
     survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry, _no_survey)
@@ -184,6 +187,11 @@ class LoadedPlugin(HookCaller):
     def describe(self, tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
         """What goes into the map."""
         return self._describe(tracks, facts, solution.landmarks_of(self.name), solution)
+
+    def limits(self, given: Mapping[str, Any], where: str) -> BaseModel:
+        """The plugin's limits of an inspection, those that are given instead of the usual ones. Raises SiteError."""
+        model: type[BaseModel] = getattr(self.instance, "Limits", InspectionLimits)
+        return validated(model, given, f"{where}: plugins.{self.name}")
 
     @property
     def classes(self) -> tuple[str, ...]:

@@ -62,6 +62,7 @@ class Plugin(Protocol):
     - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use,
       with "#" for each number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them
       has is refused before any work.
+    - `Limits: type[BaseModel]`: the limits of its inspection, each with a default; it refuses unknown keys.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
     - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
       place in rows where it sees clearly more (`savmap.pipeline.networks`).
@@ -135,11 +136,18 @@ def _attribute_faults(plugin_class: Any) -> Iterator[str]:
     if not (isinstance(names, tuple) and all(isinstance(name, str) for name in names)):
         yield "`reference_names` must be a tuple of names"
     config = getattr(plugin_class, "Config", None)
-    if not (isinstance(config, type) and issubclass(config, BaseModel)):
-        yield "`Config` must be a pydantic model"
-    elif config.model_config.get("extra") != "forbid":
-        yield '`Config` must refuse unknown keys (extra="forbid")'
-    elif any(field.is_required() for field in config.model_fields.values()):
-        yield "every setting of `Config` needs a default"
-    elif not set(getattr(plugin_class, "scale_settings", ())) <= set(config.model_fields):
+    yield from _model_faults("Config", config)
+    if hasattr(plugin_class, "Limits"):
+        yield from _model_faults("Limits", plugin_class.Limits)
+    if not set(getattr(plugin_class, "scale_settings", ())) <= set(getattr(config, "model_fields", ())):
         yield "`scale_settings` must name settings of `Config`"
+
+
+def _model_faults(name: str, model: object) -> Iterator[str]:
+    """What is wrong with a class's settings."""
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        yield f"`{name}` must be a pydantic model"
+    elif model.model_config.get("extra") != "forbid":
+        yield f'`{name}` must refuse unknown keys (extra="forbid")'
+    elif any(field.is_required() for field in model.model_fields.values()):
+        yield f"every setting of `{name}` needs a default"

@@ -23,6 +23,12 @@ from savmap.types.evidence import FlatParts as FlatParts
 from savmap.types.evidence import FoundObject as FoundObject
 from savmap.types.evidence import PlaneEvidence as PlaneEvidence
 from savmap.types.evidence import PlanePatch as PlanePatch
+from savmap.types.inspection import CloseUp as CloseUp
+from savmap.types.inspection import Finding as Finding
+from savmap.types.inspection import FindingTable as FindingTable
+from savmap.types.inspection import Inspection as Inspection
+from savmap.types.inspection import RowInspection as RowInspection
+from savmap.types.inspection import graded as graded
 from savmap.types.maps import Alignment as Alignment
 from savmap.types.maps import AlignmentResidual as AlignmentResidual
 from savmap.types.maps import CrossRowLandmark as CrossRowLandmark

@@ -20,6 +20,7 @@ COMMANDS: Mapping[str, Command] = {
     "demo": Command(f"{_COMMANDS}.mapping:demo", "Map the footage that ships with savmap and score it."),
     "evaluate": Command(f"{_COMMANDS}.results:evaluate", "Score a map against a survey."),
     "report": Command(f"{_COMMANDS}.results:report", "Write a map's report: one HTML page."),
+    "inspect": Command(f"{_COMMANDS}.results:inspect", "Say what in a map keeps the limits of an inspection."),
     "compare": Command(f"{_COMMANDS}.results:compare", "Say what changed from one map of a place to a later one."),
     "view": Command(f"{_COMMANDS}.results:view", "Look at a map in the browser: 3D, panoramas, search, measuring."),
     "export": Command(f"{_COMMANDS}.results:export", "Write a map in another format."),

@@ -53,6 +53,35 @@ def report(
     say(f"wrote {output}")
 
 
+def inspect(
+    map_file: MapFile,
+    limits: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A file of limits; docs/inspection.md has all of them.")
+    ] = None,
+    drawing: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A survey file, table or drawing to compare with.")
+    ] = None,
+    output: Annotated[Path, output_option("The HTML page to write; CSV and JSON go beside it.")] = Path(
+        "inspection.html"
+    ),
+) -> None:
+    """Say what in a map keeps the limits of an inspection: a measuring aid for a person who may inspect."""
+    from savmap.jobs import api
+    from savmap.maps.map_file import read_map
+    from savmap.maps.orthophoto_file import read_orthophotos
+    from savmap.report.inspection import InspectionPage, write_inspection
+    from savmap.report.site_report import places_of
+
+    site_map = read_map(map_file)
+    inspection = api.inspect(site_map, limits, drawing=drawing)
+    photos = read_orthophotos(site_map.rows, map_file.parent)
+    written = write_inspection(InspectionPage(site_map, inspection, photos, places_of(site_map)), output)
+    say(", ".join(f"{count} {grade}" for grade, count in inspection.counts().items()))
+    for path in written:
+        say(f"wrote {path}")
+    _say_banner(site_map)
+
+
 def compare(
     old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier date: a map.json, or its folder.")],
     new: Annotated[Path, typer.Argument(metavar="NEW", help="The later date: a map.json, or its folder.")],

@@ -11,7 +11,9 @@ import pytest
 import savmap
 from savmap.lab.sim.scene.files import load_scene
 from savmap.lab.sim.simulate import simulate
-from savmap.plugin import check_plugin
+from savmap.plugin import FrameTable, SiteMap, Structure, Trajectory, check_plugin
+from savmap.plugin.manager import loaded_plugin
+from savmap.types import RowMap
 from savmap_stripes.plugin import Stripes, corners_of
 
 SCENE = Path(__file__).parents[1] / "scene.yaml"
@@ -29,6 +31,35 @@ def test_corners_are_given_around_from_the_upper_left() -> None:
     np.testing.assert_allclose(
         corners_of(mask), [[199.5, 99.5], [399.5, 99.5], [399.5, 119.5], [199.5, 119.5]], atol=0.01
     )
+
+
+def stripe(number: int, width_m: float) -> Structure:
+    corners = np.array([[0.0, 0.0, 1.0], [2.0, 0.0, 1.0], [2.0, 0.0, 1.0 - width_m], [0.0, 0.0, 1.0 - width_m]])
+    name = f"stripe {number}"
+    return Structure(
+        name, "stripe", corners, np.tile(1e-6 * np.eye(3), (4, 1, 1)), tuple("abcd"), np.zeros((0, 2), np.int64)
+    )
+
+
+def test_a_worn_stripe_is_told_in_an_inspection() -> None:
+    plugin = loaded_plugin("stripes", Stripes, Stripes.Config())
+    stripes = [stripe(1, 0.08), stripe(2, 0.03)]
+    result = plugin.inspect(stripes, {}, None, plugin.limits({}, "test"), None)
+    assert [(finding.subjects, finding.grade) for finding in result.findings] == [
+        (("stripe 1",), "green"),
+        (("stripe 2",), "red"),
+    ]
+    given = plugin.limits({"width_m": {"amber": 0.02, "red": 0.01}}, "test")
+    assert [finding.grade for finding in plugin.inspect(stripes, {}, None, given, None).findings] == ["green", "green"]
+
+
+def test_it_is_inspected_with_what_other_plugins_mapped(installed: None) -> None:
+    path = Trajectory(np.arange(1), np.eye(4)[None])
+    row = RowMap(
+        "A", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"shelves": (), "stripes": (stripe(1, 0.03),)}, ()
+    )
+    inspection = savmap.inspect(SiteMap({"A": row}, {}))
+    assert [(placed[:2], placed[2].code) for placed in inspection.findings()] == [(("A", "stripes"), "narrow-stripe")]
 
 
 @pytest.fixture(scope="module")

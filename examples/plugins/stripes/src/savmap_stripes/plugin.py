@@ -19,6 +19,15 @@ FLOOR_M = 0.005  # how flat the floor is
 LOST_M = 0.5  # a stripe whose place is not known better is left out
 
 
+class StripeLimits(door.InspectionLimits):
+    """Limits of an inspection."""
+
+    width_m: door.Limit = door.Limit(
+        amber=0.05, red=0.04, source="ASR A1.3: a marking is 5 cm wide or wider; not checked against its text"
+    )
+    """Of a stripe: a worn one is narrower."""
+
+
 class Stripes:
     """Stripes that run along the aisle. Their corners are numbered over all of a row: "stripe corner 1" to "stripe corner 4" are those of
     the first, from its end at low x on the face's side, around."""
@@ -27,6 +36,7 @@ class Stripes:
     classes = ("stripe",)
     model = Path(__file__).parent / "model" / "stripes.onnx"
     Config = door.PluginSettings
+    Limits = StripeLimits
     needs_path = True
 
     def __init__(self, config: door.PluginSettings) -> None:
@@ -74,9 +84,28 @@ class Stripes:
         return door.point_structures(tracks, landmarks, LOST_M, closed=True)
 
     @hookimpl
+    def inspect(self, structures: Sequence[Structure], limits: StripeLimits) -> door.RowInspection:
+        """Whether stripes are as wide as markings must be."""
+        return door.RowInspection(tuple(width_finding(stripe, limits.width_m) for stripe in structures))
+
+    @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> door.Score:
         """How far corners are from the survey's: `stripes: [[corner, corner, corner, corner], ...]`, x, y, z, m."""
         return door.score_points(structures, door.surveyed_points(survey, self.name, 4), LOST_M, self.name)
+
+
+def width_finding(stripe: Structure, limit: door.Limit) -> door.Finding:
+    """The width of a stripe, across the aisle, with the standard deviation of two edges that share no error."""
+    width = stripe.vertices[[0, 1], 2].mean() - stripe.vertices[[2, 3], 2].mean()
+    sigma = np.sqrt(stripe.covariances[:, 2, 2].mean())
+    finding = door.Finding(
+        "narrow-stripe",
+        f"width of {stripe.id}",
+        subjects=(stripe.id,),
+        unit="m",
+        action="look whether it is worn; paint it anew",
+    )
+    return limit.finding(finding, door.Measured(abs(float(width)), float(sigma)))
 
 
 def corners_of(mask: np.ndarray[Any, np.dtype[np.bool_]]) -> Floats:

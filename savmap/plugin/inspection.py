@@ -1,0 +1,63 @@
+"""What plugins' `inspect` hooks have in common: limits with their source, as settings, and findings by them."""
+
+from dataclasses import replace
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from savmap.types import Finding, Measured, graded
+
+UNVERIFIED = "not checked against the standard's text"
+"""Of a source that was quoted from memory or from secondary literature."""
+
+
+class InspectionLimits(BaseModel):
+    """Limits that a site may change; inherit it for a plugin's `Limits`, each with a default and a docstring."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
+
+
+class Limit(InspectionLimits):
+    """What is in order up to `amber` and bad beyond `red`, in the unit of what is measured; where `red` is the smaller,
+    small values are bad."""
+
+    amber: Annotated[float, Field(ge=0)]
+    """From here on it needs attention."""
+    red: Annotated[float, Field(ge=0)]
+    """From here on it is bad."""
+    source: str = "the site"
+    """Where the limit comes from."""
+
+    @model_validator(mode="after")
+    def _limits_differ(self) -> Self:
+        if self.amber == self.red:
+            raise ValueError("amber and red must differ")
+        return self
+
+    def finding(self, finding: Finding, measured: Measured) -> Finding:
+        """The finding with the value, graded. Where large values are bad, the sign does not count."""
+        size = replace(measured, value=abs(measured.value)) if self.red > self.amber else measured
+        grade, limit, probability = graded(size, self.amber, self.red)
+        return replace(
+            finding,
+            grade=grade,
+            value=measured.value,
+            sigma=measured.sigma,
+            limit=limit,
+            probability=probability,
+            action="" if grade == "green" else finding.action,
+        )
+
+
+def limit_lines(limits: BaseModel, prefix: str = "") -> list[tuple[str, str, str]]:
+    """Name, value and source of every limit that a model holds, for the page of an inspection."""
+    lines: list[tuple[str, str, str]] = []
+    for name in type(limits).model_fields:
+        value = getattr(limits, name)
+        if isinstance(value, Limit):
+            lines.append((prefix + name, f"amber {value.amber:g}, red {value.red:g}", value.source))
+        elif isinstance(value, BaseModel):
+            lines += limit_lines(value, f"{prefix}{name}.")
+        elif name != "source" and value not in (None, ()):
+            lines.append((prefix + name, str(value), getattr(limits, "source", "")))
+    return lines

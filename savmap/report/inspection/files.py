@@ -1,0 +1,92 @@
+"""An inspection as files: the page, CSV for spreadsheets, JSON for programs."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from savmap.errors import OutputError
+from savmap.files.atomic import write_bytes, write_text
+from savmap.files.texts import json_visible
+from savmap.maps.exports.marks import BETWEEN
+from savmap.maps.exports.vertices import cell
+from savmap.report.inspection.inspect import unchecked_of
+from savmap.report.inspection.page import InspectionPage, page_text, tables_of
+from savmap.types import Finding, Inspection
+
+FORMAT, VERSION = "savmap-inspection", 1
+COLUMNS = (
+    *("row", "plugin", "code", "grade", "title", "subjects", "value", "sigma", "limit", "unit", "probability"),
+    *("action", "x_m", "y_m", "z_m"),
+)
+DECIMALS = 5
+
+
+def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
+    """Write the page, and beside it, with the same beginning of their names, findings as CSV and JSON and each table as
+    CSV; the paths. Raises OutputError."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"{path}: an inspection is an HTML page; name it .html")
+    inspection = page.inspection
+    texts = {path.with_suffix(".csv"): csv_text(inspection), path.with_suffix(".json"): json_text(inspection)}
+    for (plugin, name), tables in tables_of(inspection).items():
+        columns = list(dict.fromkeys(column for _, table in tables for column in table.columns))
+        lines = [
+            (row, *map(dict(zip(table.columns, line, strict=True)).get, columns))
+            for row, table in tables
+            for line in table.lines
+        ]
+        texts[path.with_name(f"{path.stem}-{plugin}-{name}.csv")] = _csv(("row", *columns), lines)
+    for file, text in texts.items():
+        write_text(file, text)
+    write_bytes(path, page_text(page).encode())
+    return [path, *texts]
+
+
+def csv_text(inspection: Inspection) -> str:
+    """A line for each finding, the worst first."""
+    return _csv(COLUMNS, (_cells(*placed) for placed in inspection.findings()))
+
+
+def _cells(row: str, plugin: str, finding: Finding) -> Sequence[object]:
+    place = finding.place or (None, None, None)
+    named = (row, plugin, finding.code, finding.grade, finding.title, BETWEEN.join(finding.subjects))
+    numbers = (finding.value, finding.sigma, finding.limit)
+    return (*named, *numbers, finding.unit, finding.probability, finding.action, *place)
+
+
+def _csv(columns: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows([_text(value) for value in line] for line in lines)
+    return text.getvalue()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{round(value, DECIMALS) + 0.0:g}"
+    return "" if value is None else cell(value) if isinstance(value, str) else str(value)
+
+
+def json_text(inspection: Inspection) -> str:
+    """All of an inspection but pictures."""
+    content: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "counts": inspection.counts(),
+        "findings": [
+            dict(zip(COLUMNS, _cells(*placed), strict=True)) | {"subjects": list(placed[2].subjects)}
+            for placed in inspection.findings()
+        ],
+        "tables": [
+            {"row": row, "plugin": plugin, "name": table.name, "columns": table.columns, "lines": table.lines}
+            for row, plugin, part in inspection.parts()
+            for table in part.tables
+        ],
+        "limits": [dict(zip(("name", "value", "source"), line, strict=True)) for line in inspection.limits],
+        "unchecked": list(unchecked_of(inspection)),
+    }
+    return json_visible(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)) + "\n"

@@ -1,0 +1,52 @@
+"""The inspection of a map: every installed plugin that made it is asked about its structures, row by row."""
+
+from collections.abc import Mapping
+
+from savmap.errors import SiteError
+from savmap.plugin.inspection import limit_lines
+from savmap.plugin.manager import load_installed, open_plugin
+from savmap.report.site_report import places_of
+from savmap.site.limits import SiteLimits
+from savmap.types import Inspection, RowInspection, SiteMap, Survey
+
+
+def inspect_map(
+    site_map: SiteMap, limits: SiteLimits | None = None, survey: Survey | None = None, where: str = "limits"
+) -> Inspection:
+    """What the plugins find in a map. `survey`: a drawing or survey to compare with; `where`: what the limits were read
+    from, for errors.
+
+    Raises SiteError for limits of a plugin that is not installed, or that it does not take; OutputError where the
+    survey is malformed; PluginError where a plugin fails.
+    """
+    chosen = limits or SiteLimits()
+    usable = load_installed().classes
+    if unknown := sorted(chosen.plugins.keys() - usable.keys()):
+        raise SiteError(f"{where}: plugins.{unknown[0]}: no such plugin; installed are {', '.join(usable)}")
+    mapped_by = dict.fromkeys(plugin for row in site_map.rows.values() for plugin in row.structures)
+    plugins = {name: open_plugin(name, {}) for name in mapped_by if name in usable}
+    models = {name: plugin.limits(chosen.plugins.get(name, {}), where) for name, plugin in plugins.items()}
+    places = places_of(site_map)
+    surveyed = survey.rows if survey else {}
+    rows = {
+        row.name: {
+            name: plugins[name].inspect(
+                structures, places.get(row.name, {}), row.joint, models[name], surveyed.get(row.name)
+            )
+            if name in plugins
+            else RowInspection(unchecked=(f"what `{name}` mapped: the plugin is not installed",))
+            for name, structures in row.structures.items()
+        }
+        for row in site_map.rows.values()
+    }
+    lines = tuple(line for name, model in models.items() for line in limit_lines(model, f"{name}: "))
+    return Inspection(rows, lines)
+
+
+def unchecked_of(inspection: Inspection) -> Mapping[str, tuple[str, ...]]:
+    """What was not checked, by line: the rows of which it is said."""
+    rows: dict[str, list[str]] = {}
+    for row, _, part in inspection.parts():
+        for line in part.unchecked:
+            rows.setdefault(line, []).append(row)
+    return {line: tuple(dict.fromkeys(names)) for line, names in rows.items()}

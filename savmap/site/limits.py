@@ -1,0 +1,38 @@
+"""The limits of an inspection: a YAML file that a site may write, with a section for each plugin."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from savmap.errors import SiteError
+from savmap.files.validation import validated
+from savmap.plugin.inspection import InspectionLimits
+from savmap.site.load import read_draft
+from savmap.site.locations import explained, misspelt
+
+LIMITS_FILE = "file of limits"
+
+
+class SiteLimits(InspectionLimits):
+    """The limits that a site sets instead of the usual ones."""
+
+    plugins: Mapping[str, Mapping[str, Any]] = {}
+    """By plugin: its limits."""
+
+
+def load_limits(path: Path) -> SiteLimits:
+    """The limits of a file. Raises SiteError with file and line; what a plugin does not take, it says itself."""
+    draft = read_draft(path, what=LIMITS_FILE)
+    for problem in (*(text for _, text in draft.doubles), *misspelt(SiteLimits, draft.places).values()):
+        raise SiteError(problem)
+    try:
+        return SiteLimits.model_validate(draft.content)
+    except ValidationError as error:
+        raise SiteError(next(iter(explained(error, SiteLimits, draft.places).values()))) from None
+
+
+def limits_of(given: Mapping[str, Any]) -> SiteLimits:
+    """The same of a mapping. Raises SiteError."""
+    return validated(SiteLimits, given, "limits")

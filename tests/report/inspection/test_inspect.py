@@ -1,0 +1,173 @@
+"""`savmap inspect`: what plugins find becomes records, a page with pictures, CSV and JSON."""
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from pydantic import BaseModel, ConfigDict
+from typer.testing import CliRunner
+
+import savmap
+from savmap.cli.app import app
+from savmap.errors import OutputError, SiteError
+from savmap.maps.map_file import write_map
+from savmap.maps.orthophoto_file import write_orthophoto
+from savmap.plugin import (
+    CloseUp,
+    Finding,
+    FindingTable,
+    InspectionLimits,
+    Limit,
+    Measured,
+    RowInspection,
+    Structure,
+    hookimpl,
+    manager,
+)
+from savmap.plugin.hookspecs import REQUIRED
+from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
+
+
+class PostLimits(InspectionLimits):
+    height_m: Limit = Limit(amber=2.0, red=1.0, source="made up")
+
+
+class Posts:
+    """A stranger's plugin that inspects the heights of posts."""
+
+    name = "posts"
+    classes = ("post",)
+    model = Path("none.onnx")
+    Limits = PostLimits
+
+    class Config(BaseModel):
+        model_config = ConfigDict(extra="forbid")
+
+    def __init__(self, config: object) -> None: ...
+
+    @hookimpl
+    def inspect(
+        self, structures: Sequence[Structure], limits: PostLimits, survey: dict[str, Any] | None
+    ) -> RowInspection:
+        findings = tuple(
+            limits.height_m.finding(
+                Finding("low", f"height of {post.id}", subjects=(post.id,), unit="m", action="=replace it"),
+                Measured(float(np.ptp(post.vertices[:, 1])), 0.01),
+            )
+            for post in structures
+        )
+        table = FindingTable("heights", "Heights", ("post", "height_m", "wanted_m"), (("post 1", 3.0, None),))
+        parts = tuple(
+            CloseUp(post.id, post.id, post.vertices[[0, 1]] + [[0, 0, 0], [0.1, 0, 0]]) for post in structures
+        )
+        told = () if survey is None else (f"survey of {survey['length']} m",)
+        return RowInspection(findings, (table,), parts, ("rust", *told))
+
+
+for hook in REQUIRED:
+    setattr(Posts, hook, hookimpl(lambda self: None))
+
+
+def post(number: int, height_m: float) -> Structure:
+    ends = np.array([[float(number), 0.0, 0.0], [float(number), height_m, 0.0]])
+    return Structure(
+        f"post {number}", "post", ends, np.tile(1e-6 * np.eye(3), (2, 1, 1)), ("foot", "top"), np.array([[0, 1]])
+    )
+
+
+def site() -> SiteMap:
+    path = Trajectory(np.arange(1), np.eye(4)[None])
+    posts = (post(1, 3.0), post(2, 0.5), post(3, 1.5))
+    return SiteMap(
+        {"A": RowMap("A", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"posts": posts, "absent": ()}, ())}, {}
+    )
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(manager, "installed", lambda: {"posts": SimpleNamespace()})
+    monkeypatch.setattr(manager, "load_class", lambda name: Posts)
+
+
+@pytest.fixture
+def folder(installed: None, tmp_path: Path) -> Path:
+    write_map(site(), tmp_path / "map.json")
+    picture = np.asarray(cv2.imencode(".jpg", np.full((400, 500, 3), 90, np.uint8))[1], np.uint8).ravel()
+    photo = Orthophoto(np.array([0.0, 0, 0]), np.eye(3)[0], np.eye(3)[1], 0.01, 500, 400, picture)
+    write_orthophoto("A", photo, tmp_path)
+    return tmp_path
+
+
+def run(*arguments: object) -> tuple[BaseException | None, str]:
+    result = CliRunner().invoke(app, ["inspect", *map(str, arguments)])
+    return result.exception, result.output
+
+
+def test_every_plugin_is_asked_with_its_limits(installed: None) -> None:
+    inspection = savmap.inspect(site())
+    assert [(row, plugin, finding.subjects[0], finding.grade) for row, plugin, finding in inspection.findings()] == [
+        ("A", "posts", "post 2", "red"),
+        ("A", "posts", "post 3", "amber"),
+        ("A", "posts", "post 1", "green"),
+    ]
+    assert inspection.limits == (("posts: height_m", "amber 2, red 1", "made up"),)
+    assert "not installed" in inspection.rows["A"]["absent"].unchecked[0]
+    lower = savmap.inspect(site(), {"plugins": {"posts": {"height_m": {"amber": 0.4, "red": 0.2}}}})
+    assert lower.counts() == {"red": 0, "amber": 0, "unknown": 0, "green": 3}
+    assert "survey of 7 m" in savmap.inspect(site(), drawing=Survey({"A": {"length": 7}})).rows["A"]["posts"].unchecked
+
+
+def test_command_writes_page_tables_and_json(folder: Path) -> None:
+    error, output = run(folder, "-o", folder / "check.html")
+    assert error is None
+    assert "1 red, 1 amber, 0 unknown, 1 green" in output
+    page = (folder / "check.html").read_text(encoding="utf-8")
+    assert "no inspection by itself" in page
+    assert page.count('<img src="data:image/jpeg;base64,') == 2, "what is in order has no picture"
+    lines = list(csv.DictReader((folder / "check.csv").read_text(encoding="utf-8").splitlines()))
+    assert [lines[0][key] for key in ("title", "value", "probability")] == ["height of post 2", "0.5", "1"]
+    assert lines[0]["action"].startswith("'="), "no formula for a spreadsheet"
+    table = list(csv.reader((folder / "check-posts-heights.csv").read_text(encoding="utf-8").splitlines()))
+    assert table == [["row", "post", "height_m", "wanted_m"], ["A", "post 1", "3", ""]]
+    content = json.loads((folder / "check.json").read_text(encoding="utf-8"))
+    assert content["counts"] == {"red": 1, "amber": 1, "unknown": 0, "green": 1}
+    assert content["findings"][0]["subjects"] == ["post 2"]
+
+
+def test_without_an_orthophoto_there_are_no_pictures(folder: Path) -> None:
+    (folder / "face-A.jpg").unlink()
+    assert run(folder, "-o", folder / "check.html")[0] is None
+    assert "<img" not in (folder / "check.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("plugins:\n  posts: {hight_m: {amber: 1, red: 2}}\n", "unknown key `hight_m`: did you mean `height_m`"),
+        ("plugins:\n  posts: {height_m: {amber: 1, red: 1}}\n", "amber and red must differ"),
+        ("plugins:\n  pots: {}\n", "plugins.pots: no such plugin; installed are posts"),
+        ("plugin: {}\n", ":1: unknown key `plugin`: did you mean `plugins`?"),
+        ("[1", "not valid YAML"),
+    ],
+)
+def test_limits_that_are_wrong_are_told_in_one_line(folder: Path, text: str, says: str) -> None:
+    (folder / "limits.yaml").write_text(text, encoding="utf-8")
+    error, _ = run(folder, "--limits", folder / "limits.yaml", "-o", folder / "check.html")
+    assert isinstance(error, SiteError)
+    assert str(error).startswith(str(folder / "limits.yaml"))
+    assert says in str(error)
+    assert "\n" not in str(error)
+    assert not (folder / "check.html").exists()
+
+
+def test_the_output_is_a_page(folder: Path) -> None:
+    error, _ = run(folder, "-o", folder / "check.pdf")
+    assert isinstance(error, OutputError)
+    assert "name it .html" in str(error)
+    assert not (folder / "check.csv").exists()
