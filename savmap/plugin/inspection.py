@@ -50,14 +50,22 @@ class Limit(InspectionLimits):
 
 
 def limit_lines(limits: BaseModel, prefix: str = "") -> list[tuple[str, str, str]]:
-    """Name, value and source of every limit that a model holds, for the page of an inspection."""
+    """Name, value and source of every limit of a model that is set, for the page of an inspection."""
     lines: list[tuple[str, str, str]] = []
     for name in type(limits).model_fields:
         value = getattr(limits, name)
         if isinstance(value, Limit):
             lines.append((prefix + name, f"amber {value.amber:g}, red {value.red:g}", value.source))
-        elif isinstance(value, BaseModel):
-            lines += limit_lines(value, f"{prefix}{name}.")
-        elif name != "source" and value not in (None, ()):
+        elif isinstance(value, tuple):
+            lines += [(f"{prefix}{name} {k}", _words(entry), "") for k, entry in enumerate(value, start=1)]
+        elif value is not None and name != "source":
             lines.append((prefix + name, str(value), getattr(limits, "source", "")))
     return lines
+
+
+def _words(entry: object) -> str:
+    """The values of a model in words, or a value."""
+    if not isinstance(entry, BaseModel):
+        return str(entry)
+    given = {name: getattr(entry, name) for name in type(entry).model_fields}
+    return ", ".join(f"{name} {value}" for name, value in given.items() if value not in (None, ()))

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from savmap.errors import SiteError
 from savmap.files.validation import validated
@@ -13,11 +13,27 @@ from savmap.site.load import read_draft
 from savmap.site.locations import explained, misspelt
 
 LIMITS_FILE = "file of limits"
+Metres = Annotated[float, Field(gt=0, lt=100)]
+
+
+class EnvelopeLimits(InspectionLimits):
+    """What must pass along every aisle, such as a truck with its load: an upright rectangle, swept along it."""
+
+    width_m: Metres | None = None
+    """Its width."""
+    height_m: Metres | None = None
+    """Its height."""
+    margin_m: Annotated[float, Field(gt=0, lt=10)] = 0.1
+    """What should be free around it in each direction: less is amber, nothing is red."""
+    source: str = "the site"
+    """Where these numbers come from."""
 
 
 class SiteLimits(InspectionLimits):
     """The limits that a site sets instead of the usual ones."""
 
+    envelope: EnvelopeLimits = EnvelopeLimits()
+    """What must pass along the aisles."""
     plugins: Mapping[str, Mapping[str, Any]] = {}
     """By plugin: its limits."""
 

@@ -11,7 +11,8 @@ Grade = Literal["red", "amber", "unknown", "green"]
 GRADES: tuple[Grade, ...] = ("red", "amber", "unknown", "green")
 """From the worst on."""
 SURE = 0.95
-"""The probability from which on a grade is given."""
+LIKELY = 0.5
+"""Probabilities: red is what is surely bad, green what is surely in order, amber what is likely not."""
 
 
 @dataclass(frozen=True)
@@ -114,17 +115,22 @@ def graded(measured: Measured, amber: float, red: float) -> tuple[Grade, float, 
     """The grade of a normally distributed value, the limit that it is about, and the probability of a value beyond it.
 
     Values from `amber` to `red` need attention, those beyond `red` are bad; where `red` is the smaller, small values
-    are bad. green: a value beyond `amber` has a probability of less than 1 - `SURE`; red: one beyond `red` has one of
-    more than `SURE`; unknown: the value may as well be in order as beyond `red`; amber: else. Raises ValueError where
-    the limits are equal.
+    are bad. red: a value beyond `red` has a probability of more than `SURE`; green: one beyond `amber` has one of less
+    than 1 - `SURE`; amber: one beyond `amber` is likelier than not; unknown: else, for it is measured too uncertainly.
+    Raises ValueError where the limits are equal.
     """
     require(amber != red, measured, "amber and red limit must differ")
     past_amber, past_red = (_beyond(measured, limit, red > amber) for limit in (amber, red))
     if past_red > SURE:
         return "red", red, past_red
-    if past_amber < 1 - SURE:
-        return "green", amber, past_amber
-    return ("unknown" if past_amber < SURE and past_red > 1 - SURE else "amber"), amber, past_amber
+    return grade_of(past_amber), amber, past_amber
+
+
+def grade_of(probability: float) -> Grade:
+    """The grade of what needs attention with a probability, and of which nothing says that it is bad."""
+    if probability < 1 - SURE:
+        return "green"
+    return "amber" if probability > LIKELY else "unknown"
 
 
 def _beyond(measured: Measured, limit: float, above: bool) -> float:

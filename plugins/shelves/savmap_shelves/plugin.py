@@ -24,12 +24,14 @@ from savmap.types import (
     PlaneEvidence,
     PlanePatch,
     RowFacts,
+    RowInspection,
     Structure,
     Track,
     Trajectory,
     View,
     ViewPlan,
 )
+from savmap_shelves.inspection.limits import ShelvesLimits
 from savmap_shelves.settings import ShelvesSettings
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ class Shelves:
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings
+    Limits = ShelvesLimits
     reference_names = (
         *(f"upright # / {part}" for part in ("foot", "left", "right")),
         *(f"upright # / {side} / {end}" for side, end in product(("left", "right"), ("bottom", "top"))),
@@ -149,6 +152,19 @@ class Shelves:
         from savmap_shelves.report.slots import places
 
         return places(structures, self.name, joint)
+
+    @hookimpl
+    def inspect(
+        self,
+        structures: Sequence[Structure],
+        places: Mapping[str, Sequence[Structure]],
+        joint: JointCovariance | None,
+        limits: ShelvesLimits,
+        survey: Mapping[str, Any] | None,
+    ) -> RowInspection:
+        from savmap_shelves.inspection.inspect import inspect
+
+        return inspect(structures, places.get(self.name, ()), joint, limits, survey, self.name)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

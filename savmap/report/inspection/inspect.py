@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from savmap.errors import SiteError
 from savmap.plugin.inspection import limit_lines
 from savmap.plugin.manager import load_installed, open_plugin
+from savmap.report.inspection.aisle import AISLE, aisle_inspections
 from savmap.report.site_report import places_of
 from savmap.site.limits import SiteLimits
 from savmap.types import Inspection, RowInspection, SiteMap, Survey
@@ -39,7 +40,12 @@ def inspect_map(
         }
         for row in site_map.rows.values()
     }
-    lines = tuple(line for name, model in models.items() for line in limit_lines(model, f"{name}: "))
+    for name, part in aisle_inspections(site_map, chosen.envelope).items():
+        rows[name][AISLE] = part
+    lines = (
+        *(limit_lines(chosen.envelope, "envelope: ") if "envelope" in chosen.model_fields_set else ()),
+        *(line for name, model in models.items() for line in limit_lines(model, f"{name}: ")),
+    )
     return Inspection(rows, lines)
 
 

@@ -10,6 +10,8 @@ from savmap.types import Finding, Floats, Orthophoto, Structure
 
 MARGIN_M = 0.3
 """Around what a finding is about."""
+FACE_M = 0.5
+"""The picture shows nothing that is further from the face."""
 LEAST_PX = 8
 """Of the side of a part: a smaller one shows nothing."""
 MOST_PX, QUALITY = 420, 80
@@ -47,7 +49,9 @@ class FacePictures:
         """What a finding is about, outlined; of one that names no element, the surroundings of its place. `elements`:
         structures and places of the row by id."""
         subjects = [elements[name] for name in finding.subjects if name in elements]
-        if not subjects and finding.place is None:
+        if finding.place is None and not subjects:
+            return None
+        if finding.place is not None and abs(finding.place[2]) > FACE_M:
             return None
         outlines = [_box(structure.vertices) for structure in subjects]
         corners = np.concatenate(outlines or [np.array([finding.place], np.float64)])

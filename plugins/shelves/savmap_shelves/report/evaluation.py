@@ -180,19 +180,19 @@ def evaluate(structures: Sequence[Structure], survey: Mapping[str, Any]) -> Scor
         return Score()
     surveyed = read_row(survey)
     uprights = uprights_of(structures)
-    pairs = _align_uprights(surveyed.upright_intervals(), uprights.intervals)
+    pairs = align_uprights(surveyed.upright_intervals(), uprights.intervals)
     warp = Warp(surveyed.upright_intervals(), uprights.intervals, pairs)
     beams = _score_sections(surveyed, sections_of(structures), warp)
     begins_m = _beginning(surveyed.upright_intervals(), uprights.intervals, pairs)
     return replace(pool([_score_uprights(surveyed, uprights, pairs, warp), *beams]), begins_m=begins_m)
 
 
-def _align_uprights(truth: Floats, estimate: Floats) -> list[Pair]:
+def align_uprights(truth: Floats, estimate: Floats) -> list[Pair]:
     """Pairs of uprights (n, 2), (m, 2): by the steps between them, which a drift along the row changes little."""
     return align(truth, estimate, AlignmentCosts(_tolerance(truth), position=0.0, first=0.02))
 
 
-def _align_beams(truth: Floats, estimate: Floats) -> list[Pair]:
+def align_beams(truth: Floats, estimate: Floats) -> list[Pair]:
     """Pairs of beams (n, 2), (m, 2): by their heights, which the floor fixes, and the steps between them."""
     return align(truth, estimate, AlignmentCosts(_tolerance(truth), position=0.5, first=1.0))
 
@@ -238,20 +238,25 @@ def _beginning(truth: Floats, estimate: Floats, pairs: Sequence[Pair]) -> float:
 
 
 def _score_sections(surveyed: SurveyedRow, sections: Sequence[MappedSection], warp: Warp) -> list[Score]:
-    extents = np.array([warp(section.extent) for section in sections]).reshape(-1, 2)
-    partner = _partners(surveyed.section_intervals(), extents)
+    extents = extents_of(sections, warp)
+    partner = partners(surveyed.section_intervals(), extents)
     scores = []
     for k in range(len(surveyed.sections)):
         beams = sections[partner[k]].beams if k in partner else Elements((), NO_INTERVALS)
         truth = surveyed.beam_intervals(k)
-        scores.append(_score(BEAMS, truth, beams, _align_beams(truth, beams.intervals), [True] * len(beams.ids)))
+        scores.append(_score(BEAMS, truth, beams, align_beams(truth, beams.intervals), [True] * len(beams.ids)))
     for j, section in enumerate(sections):
         if j not in partner.values() and warp.inside(section.extent):
             scores.append(_score(BEAMS, NO_INTERVALS, section.beams, [], [True] * len(section.beams.ids)))
     return scores
 
 
-def _partners(truth: Floats, estimate: Floats) -> dict[int, int]:
+def extents_of(sections: Sequence[MappedSection], warp: Warp) -> Floats:
+    """From where to where mapped bays (n, 2) reach, in the survey's frame, m."""
+    return np.array([warp(section.extent) for section in sections], np.float64).reshape(-1, 2)
+
+
+def partners(truth: Floats, estimate: Floats) -> dict[int, int]:
     """Mapped bay of each surveyed one: one to one, the most common width, at least half of the narrower's."""
     common = np.minimum(truth[:, None, 1], estimate[None, :, 1]) - np.maximum(truth[:, None, 0], estimate[None, :, 0])
     narrower = np.minimum(np.diff(truth), np.diff(estimate).T)

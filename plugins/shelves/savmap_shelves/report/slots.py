@@ -161,15 +161,15 @@ def openings_of(bay: Bay, joint: JointCovariance | None, plugin: str) -> Iterato
         height = roof
         if above is not None and below is not None:
             height = gap(joint, plugin, (below, "upper"), (above, "lower"), 1)
-        low = below is not None and _is_assumed(below, "upper", plugin, joint)
-        high = above is not None and (low or _is_assumed(above, "lower", plugin, joint))
+        low = below is not None and is_assumed(below, "upper", plugin, joint)
+        high = above is not None and (low or is_assumed(above, "lower", plugin, joint))
         assumed = tuple(name for name, is_so in ((CLEAR_HEIGHT, high), (LOAD_HEIGHT, low)) if is_so)
         yield Opening(
             level, floor, roof, height, tuple(beam.id for beam in (below, above) if beam is not None), assumed
         )
 
 
-def _is_assumed(beam: Structure, side: str, plugin: str, joint: JointCovariance | None) -> bool:
+def is_assumed(beam: Structure, side: str, plugin: str, joint: JointCovariance | None) -> bool:
     """Whether nothing measured how high a side of a beam is."""
     heights = beam.assumed(plugin, joint)[:, 1]
     return any(bool(height) for height, label in zip(heights, beam.vertex_labels, strict=True) if side in label.split())

@@ -1,0 +1,1 @@
+"""Inspection of racks: limits with their sources, which loads fit, and deviations from a drawing."""

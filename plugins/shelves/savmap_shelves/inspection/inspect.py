@@ -1,0 +1,69 @@
+"""The inspection of a row of racks."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from savmap.types import Finding, JointCovariance, Measured, RowInspection, Structure
+from savmap_shelves.inspection.acceptance import acceptance_findings
+from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
+from savmap_shelves.inspection.limits import ShelvesLimits
+
+LEAN, SAG = "lean_permille", "sag_m"
+"""Attributes of uprights and beams, where something measured them."""
+NOT_MEASURED = {
+    LEAN: "whether uprights are plumb: the map takes them to be upright",
+    SAG: "whether beams sag: the map takes them to be straight",
+}
+NO_DRAWING = "deviations from a drawing: none was given (--drawing)"
+NO_LOADS = "which loads fit: no `load_units` are among the limits"
+
+
+def inspect(
+    structures: Sequence[Structure],
+    places: Sequence[Structure],
+    joint: JointCovariance | None,
+    limits: ShelvesLimits,
+    survey: Mapping[str, Any] | None,
+    plugin: str,
+) -> RowInspection:
+    """What keeps the limits. `places`: the plugin's. Raises OutputError for a drawing that is malformed."""
+    fits = fits_of([place for place in places if place.label == "level"], limits)
+    drawn = list(acceptance_findings(structures, joint, limits, survey, plugin)) if survey is not None else []
+    measured = {key for structure in structures for key in NOT_MEASURED if key in structure.attributes}
+    unchecked = [line for key, line in NOT_MEASURED.items() if key not in measured]
+    unchecked += [NO_DRAWING] if survey is None else []
+    unchecked += [] if fits else [NO_LOADS]
+    return RowInspection(
+        (*_deformations(structures, limits, survey is not None), *fit_findings(fits), *drawn),
+        (fit_table(fits), lost_table(fits)) if fits else (),
+        (),
+        tuple(unchecked),
+    )
+
+
+def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new: bool) -> Iterator[Finding]:
+    """How far uprights lean and beams sag, where that was measured; `is_new`: by the limits of a new rack."""
+    for structure in structures:
+        lean, sag = structure.attributes.get(LEAN), structure.attributes.get(SAG)
+        place = tuple(structure.vertices.mean(axis=0).tolist())
+        if isinstance(lean, Measured):
+            limit = limits.out_of_plumb_permille if is_new else limits.lean_permille
+            finding = Finding(
+                "out-of-plumb",
+                f"{structure.id} leans along the aisle",
+                subjects=(structure.id,),
+                unit="mm/m",
+                action="measure it with a plumb line; unload the bay where it is red",
+                place=place,
+            )
+            yield limit.finding(finding, lean)
+        if isinstance(sag, Measured):
+            span = float(structure.vertices[:, 0].max() - structure.vertices[:, 0].min())
+            finding = Finding(
+                "beam-sag",
+                f"{structure.id} sags, as a share of its span",
+                subjects=(structure.id,),
+                action="measure it with a line; unload it where it is red",
+                place=place,
+            )
+            yield limits.sag_share.finding(finding, Measured(sag.value / span, sag.sigma / span))
