@@ -17,6 +17,7 @@ from savmap.types import (
     Floats,
     Panorama,
     RowFacts,
+    RowInspection,
     Score,
     Structure,
     SurveyEntry,
@@ -26,7 +27,7 @@ from savmap.types import (
     ViewPlan,
     ViewSpec,
 )
-from savmap_signs.settings import Settings
+from savmap_signs.settings import Settings, SignsLimits
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints, Solution
@@ -47,6 +48,7 @@ class Signs:
     classes = ("sign",)
     model = Path(__file__).parent / "model" / "signs.int8.onnx"
     Config = Settings
+    Limits = SignsLimits
     libraries = ("rapidocr", "zxing-cpp")
     reference_names = tuple(f"sign # / {height} {side}" for height in ("upper", "lower") for side in ("left", "right"))
     scale_settings = ("sizes_m",)
@@ -108,6 +110,14 @@ class Signs:
         from savmap_signs.mapping import with_bays
 
         return with_bays(structures, others)
+
+    @hookimpl
+    def inspect(
+        self, structures: Sequence[Structure], places: Mapping[str, Sequence[Structure]], limits: SignsLimits
+    ) -> RowInspection:
+        from savmap_signs.labels import audit
+
+        return audit(structures, [place for group in places.values() for place in group], limits)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:

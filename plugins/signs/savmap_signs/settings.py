@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from savmap.files.validation import ClassNames
+from savmap.plugin.inspection import InspectionLimits
 
 Size = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 
@@ -53,4 +54,28 @@ class Settings(BaseModel):
             re.compile(pattern or "")
         except re.error as error:
             raise ValueError(f"is not a regular expression: {error}") from error
+        return pattern
+
+
+LABEL_GROUPS = ("bay", "level", "position")
+"""Of a pattern of location labels."""
+
+
+class SignsLimits(InspectionLimits):
+    """What an inspection expects of signs."""
+
+    pattern: str | None = None
+    r"""A regular expression for whole texts of location labels, with a group `bay`, and, where labels have them,
+    `level` and `position`, such as `A21-(?P<bay>\d{2})-(?P<level>\d)(?P<position>[A-Z])`. Default: labels are not
+    checked."""
+
+    @field_validator("pattern")
+    @classmethod
+    def _pattern_has_groups(cls, pattern: str | None) -> str | None:
+        try:
+            groups = re.compile(pattern or "(?P<bay>)").groupindex
+        except re.error as error:
+            raise ValueError(f"is not a regular expression: {error}") from error
+        if "bay" not in groups or not set(groups) <= set(LABEL_GROUPS):
+            raise ValueError(f"should have a group `bay`, and no other than {', '.join(LABEL_GROUPS)}: (?P<bay>...)")
         return pattern
