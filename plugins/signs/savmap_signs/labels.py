@@ -168,16 +168,16 @@ def _displaced(labels: Sequence[Label], numbering: Numbering) -> Iterator[Displa
     """What hangs where another number belongs, and what hangs twice: a word, the labels, the finding."""
     right = {label.numbers: label for label in labels if label.numbers == numbering.at(label.index)}
     wrong = [label for label in labels if label.numbers != numbering.at(label.index)]
-    told: set[str] = set()
+    reported: set[str] = set()
     for label in wrong:
         wanted = numbering.at(label.index)
         partner = next(
             (other for other in wrong if other.numbers == wanted and numbering.at(other.index) == label.numbers), None
         )
-        if label.sign.id in told:
+        if label.sign.id in reported:
             continue
         if partner is not None:
-            told.add(partner.sign.id)
+            reported.add(partner.sign.id)
             yield (
                 "swapped",
                 (label, partner),

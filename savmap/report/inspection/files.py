@@ -4,8 +4,10 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_bytes, write_text
@@ -14,6 +16,7 @@ from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.vertices import cell
 from savmap.report.inspection.inspect import unchecked_of
 from savmap.report.inspection.page import InspectionPage, page_text, tables_of
+from savmap.report.inspection.sheets import write_sheets
 from savmap.types import Finding, Inspection
 
 FORMAT, VERSION = "savmap-inspection", 1
@@ -25,8 +28,8 @@ DECIMALS = 5
 
 
 def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
-    """Write the page, and beside it, with the same beginning of their names, findings as CSV and JSON and each table as
-    CSV; the paths. Raises OutputError."""
+    """Write the page, and beside it, with the same beginning of their names, findings as CSV and JSON, each table as CSV,
+    and the sheets of pictures with a folder of them; the paths. Raises OutputError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: an inspection is an HTML page; name it .html")
     inspection = page.inspection
@@ -41,8 +44,9 @@ def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
         texts[path.with_name(f"{path.stem}-{plugin}-{name}.csv")] = _csv(("row", *columns), lines)
     for file, text in texts.items():
         write_text(file, text)
-    write_bytes(path, page_text(page).encode())
-    return [path, *texts]
+    sheets, *pictures = write_sheets(page, path.with_name(f"{path.stem}-sheets.html")) or (None,)
+    write_bytes(path, page_text(replace(page, sheets=quote(sheets.name) if sheets else "")).encode())
+    return [path, *texts, *([sheets, pictures[0].parent] if sheets else [])]
 
 
 def csv_text(inspection: Inspection) -> str:

@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -83,7 +84,7 @@ def post(number: int, height_m: float) -> Structure:
 
 def site() -> SiteMap:
     path = Trajectory(np.arange(1), np.eye(4)[None])
-    posts = (post(1, 3.0), post(2, 0.5), post(3, 1.5))
+    posts = (replace(post(1, 3.0), attributes={"text": "LEFT"}), post(2, 0.5), post(3, 1.5))
     return SiteMap(
         {"A": RowMap("A", FrameTable(np.zeros(1), ("pass 1",)), {}, path, {"posts": posts, "absent": ()}, ())}, {}
     )
@@ -140,9 +141,26 @@ def test_command_writes_page_tables_and_json(folder: Path) -> None:
     assert content["findings"][0]["subjects"] == ["post 2"]
 
 
+def test_parts_of_rows_are_shown_on_sheets_and_written_as_files(folder: Path) -> None:
+    _, output = run(folder, "-o", folder / "check.html")
+    assert f"wrote {folder / 'check-sheets'}\n" in output
+    assert sorted(path.name for path in (folder / "check-sheets").iterdir()) == [
+        "A-post_1-LEFT.jpg",
+        "A-post_2.jpg",
+        "A-post_3.jpg",
+    ]
+    picture = cv2.imread(str(folder / "check-sheets" / "A-post_1-LEFT.jpg"))
+    assert picture.shape == (300, 10, 3)
+    sheets = (folder / "check-sheets.html").read_text(encoding="utf-8")
+    assert sheets.count("<figure>") == 3
+    assert "<strong>LEFT</strong>" in sheets
+    assert 'href="check-sheets.html"' in (folder / "check.html").read_text(encoding="utf-8")
+
+
 def test_without_an_orthophoto_there_are_no_pictures(folder: Path) -> None:
     (folder / "face-A.jpg").unlink()
     assert run(folder, "-o", folder / "check.html")[0] is None
+    assert not (folder / "check-sheets.html").exists()
     assert "<img" not in (folder / "check.html").read_text(encoding="utf-8")
 
 

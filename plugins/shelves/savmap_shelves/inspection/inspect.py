@@ -3,10 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from savmap.types import Finding, JointCovariance, Measured, RowInspection, Structure
+import numpy as np
+
+from savmap.types import CloseUp, Finding, JointCovariance, Measured, RowInspection, Structure
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
+from savmap_shelves.report.slots import edge
 
 LEAN, SAG = "lean_permille", "sag_m"
 """Attributes of uprights and beams, where something measured them."""
@@ -14,6 +17,8 @@ NOT_MEASURED = {
     LEAN: "whether uprights are plumb: the map takes them to be upright",
     SAG: "whether beams sag: the map takes them to be straight",
 }
+LOWEST_M, AROUND_M = 2.0, 0.2
+"""Of an upright, what is shown: its height from the floor, and what is to its left and right."""
 NO_DRAWING = "deviations from a drawing: none was given (--drawing)"
 NO_LOADS = "which loads fit: no `load_units` are among the limits"
 
@@ -36,9 +41,18 @@ def inspect(
     return RowInspection(
         (*_deformations(structures, limits, survey is not None), *fit_findings(fits), *drawn),
         (fit_table(fits), lost_table(fits)) if fits else (),
-        (),
+        tuple(_close_ups(structures)),
         tuple(unchecked),
     )
+
+
+def _close_ups(structures: Sequence[Structure]) -> Iterator[CloseUp]:
+    """The lowest part of each upright, which trucks hit."""
+    for upright in structures:
+        if upright.label == "upright":
+            (left, right), z = (edge(upright, 0, side).value for side in ("left", "right")), edge(upright, 2).value
+            low, high = (left - AROUND_M, 0.0, z), (right + AROUND_M, LOWEST_M, z)
+            yield CloseUp(upright.id, upright.id, np.array([low, high]))
 
 
 def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new: bool) -> Iterator[Finding]:

@@ -1,0 +1,74 @@
+"""Sheets of pictures: the parts of rows that an inspector wants to see, several to a page, and each as a file."""
+
+import base64
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from savmap.files.atomic import file_name, write_bytes
+from savmap.report.inspection.page import InspectionPage
+from savmap.report.inspection.pictures import FacePictures
+from savmap.report.templating import rendered_page
+from savmap.types import CloseUp, RowMap
+
+MOST_PX = 900
+LABEL_M = 0.4
+"""What is written no further than this to the left or right of a part is named with it."""
+LONGEST_NAME = 80
+
+
+@dataclass(frozen=True)
+class SheetPicture:
+    """A picture of a sheet: its row, what stands under it, the texts that hang there, and its JPEG."""
+
+    row: str
+    title: str
+    texts: tuple[str, ...]
+    content: bytes
+
+    @property
+    def address(self) -> str:
+        """The picture as an address that needs no file."""
+        return f"data:image/jpeg;base64,{base64.b64encode(self.content).decode()}"
+
+    @property
+    def file(self) -> str:
+        """Its file's name: place and label."""
+        words = "-".join("_".join(text.split()) for text in (self.row, self.title, *self.texts))
+        return f"{file_name(words[:LONGEST_NAME])}.jpg"
+
+
+def sheet_pictures(page: InspectionPage) -> Iterator[SheetPicture]:
+    """The parts that plugins want to be shown, of rows that have an orthophoto, as far as it shows them."""
+    for row, photo in page.photos.items():
+        pictures = FacePictures(photo)
+        for part in (part for said in page.inspection.rows.get(row, {}).values() for part in said.close_ups):
+            content = pictures.part(part.corners, most_px=MOST_PX)
+            if content is not None:
+                yield SheetPicture(row, part.title, texts_at(page.site_map.rows[row], part), content)
+
+
+def texts_at(row: RowMap, part: CloseUp) -> tuple[str, ...]:
+    """What is written on structures near a part, from the left."""
+    low, high = part.corners[:, 0].min() - LABEL_M, part.corners[:, 0].max() + LABEL_M
+    found = [
+        (float(structure.vertices[:, 0].mean()), str(structure.attributes["text"]))
+        for structures in row.structures.values()
+        for structure in structures
+        if structure.attributes.get("text")
+    ]
+    return tuple(text for x, text in sorted(found) if low <= x <= high)
+
+
+def write_sheets(page: InspectionPage, path: Path) -> list[Path]:
+    """Write the page of sheets, and each picture as a file in a folder of the same name; their paths, none where there
+    are no pictures. Raises OutputError."""
+    shown = list(sheet_pictures(page))
+    if not shown:
+        return []
+    folder = path.with_suffix("")
+    files = {folder / picture.file: picture.content for picture in shown}
+    for file, content in files.items():
+        write_bytes(file, content)
+    write_bytes(path, rendered_page("sheets.html.jinja", title=f"{page.title}: sheets", pictures=shown).encode())
+    return [path, *files]
