@@ -55,7 +55,7 @@ def limit_lines(limits: BaseModel, prefix: str = "") -> list[tuple[str, str, str
     for name in type(limits).model_fields:
         value = getattr(limits, name)
         if isinstance(value, Limit):
-            lines.append((prefix + name, f"amber {value.amber:g}, red {value.red:g}", value.source))
+            lines.append((prefix + name, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source))
         elif isinstance(value, tuple):
             lines += [(f"{prefix}{name} {k}", _words(entry), "") for k, entry in enumerate(value, start=1)]
         elif value is not None and name != "source":

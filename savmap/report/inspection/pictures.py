@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from savmap.types import Finding, Floats, Orthophoto, Structure
 
-MARGIN_M = 0.3
+MARGIN_M = 0.5
 """Around what a finding is about."""
 FACE_M = 0.5
 """The picture shows nothing that is further from the face."""
