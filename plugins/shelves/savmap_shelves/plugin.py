@@ -57,7 +57,7 @@ class Shelves:
         *(f"bay # / beam # / {edge} {side}" for edge, side in product(("lower", "upper"), ("left", "right"))),
     )
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
-    after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m")
+    after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m", "plumb")
 
     def __init__(self, config: ShelvesSettings) -> None:
         self.config = config
@@ -130,10 +130,15 @@ class Shelves:
         return constrain(tracks, facts, start, plugin=self.name, settings=grid_settings(self.config))
 
     @hookimpl
-    def describe(self, tracks: Sequence[Track], solution: "Solution") -> list[Structure]:
+    def describe(self, tracks: Sequence[Track], facts: RowFacts, solution: "Solution") -> list[Structure]:
         from savmap_shelves.mapping import describe
 
-        return describe(tracks, solution, plugin=self.name, depth_m=self.config.depth_m)
+        structures = describe(tracks, solution, plugin=self.name, depth_m=self.config.depth_m)
+        if not self.config.plumb:
+            return structures
+        from savmap_shelves.inspection.plumb import with_leans
+
+        return with_leans(structures, tracks, facts, solution.trajectory, solution.landmarks_of(self.name))
 
     @hookimpl
     def warnings(self, structures: Sequence[Structure]) -> list[MapWarning]:

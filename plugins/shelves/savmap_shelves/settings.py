@@ -80,5 +80,8 @@ class ShelvesSettings(BaseModel):
     depth_m: Annotated[float, Field(gt=0.1, le=5)] | None = None
     """The rack's depth, from the front of its frames to their back, for formats that hold solids. Default: 1.1 m, which
     is marked as assumed."""
+    plumb: bool = False
+    """Whether it is measured how far each upright leans along the aisle (its attribute `lean_permille`, mm in 1 m),
+    for `savmap inspect`. Nothing else of the map depends on it."""
     subpixel: bool = True
     """Whether edges are measured in the panorama itself; false leaves them as masks have them."""

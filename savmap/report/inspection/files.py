@@ -28,8 +28,8 @@ DECIMALS = 5
 
 
 def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
-    """Write the page, and beside it, with the same beginning of their names, findings as CSV and JSON, each table as CSV,
-    and the sheets of pictures with a folder of them; the paths. Raises OutputError."""
+    """Write the page, and, with the same beginning of their names, findings as CSV and JSON, each table as CSV, and the
+    sheets of pictures with a folder of them; the paths. Raises OutputError."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: an inspection is an HTML page; name it .html")
     inspection = page.inspection

@@ -51,13 +51,13 @@ def sheet_pictures(page: InspectionPage) -> Iterator[SheetPicture]:
 def texts_at(row: RowMap, part: CloseUp) -> tuple[str, ...]:
     """What is written on structures near a part, from the left."""
     low, high = part.corners[:, 0].min() - LABEL_M, part.corners[:, 0].max() + LABEL_M
-    found = [
+    written = [
         (float(structure.vertices[:, 0].mean()), str(structure.attributes["text"]))
         for structures in row.structures.values()
         for structure in structures
         if structure.attributes.get("text")
     ]
-    return tuple(text for x, text in sorted(found) if low <= x <= high)
+    return tuple(text for x, text in sorted(written) if low <= x <= high)
 
 
 def write_sheets(page: InspectionPage, path: Path) -> list[Path]:

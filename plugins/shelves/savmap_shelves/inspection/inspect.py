@@ -9,12 +9,13 @@ from savmap.types import CloseUp, Finding, JointCovariance, Measured, RowInspect
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
+from savmap_shelves.inspection.plumb import LEAN
 from savmap_shelves.report.slots import edge
 
-LEAN, SAG = "lean_permille", "sag_m"
-"""Attributes of uprights and beams, where something measured them."""
+SAG = "sag_m"
+"""The attribute of a beam whose sag something measured."""
 NOT_MEASURED = {
-    LEAN: "whether uprights are plumb: the map takes them to be upright",
+    LEAN: "whether uprights are plumb: map with the setting `plumb` of `shelves`",
     SAG: "whether beams sag: the map takes them to be straight",
 }
 LOWEST_M, AROUND_M = 2.0, 0.2
