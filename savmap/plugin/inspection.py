@@ -57,7 +57,10 @@ def limit_lines(limits: BaseModel, prefix: str = "") -> list[tuple[str, str, str
         if isinstance(value, Limit):
             lines.append((prefix + name, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source))
         elif isinstance(value, tuple):
-            lines += [(f"{prefix}{name} {k}", _words(entry), "") for k, entry in enumerate(value, start=1)]
+            lines += [
+                (f"{prefix}{name} {k}", _words(entry), getattr(entry, "source", ""))
+                for k, entry in enumerate(value, start=1)
+            ]
         elif value is not None and name != "source":
             lines.append((prefix + name, str(value), getattr(limits, "source", "")))
     return lines
@@ -68,4 +71,4 @@ def _words(entry: object) -> str:
     if not isinstance(entry, BaseModel):
         return str(entry)
     given = {name: getattr(entry, name) for name in type(entry).model_fields}
-    return ", ".join(f"{name} {value}" for name, value in given.items() if value not in (None, ()))
+    return ", ".join(f"{name} {value}" for name, value in given.items() if name != "source" and value not in (None, ()))

@@ -350,6 +350,8 @@ def test_pipes_are_refused_in_one_line(savmap: Savmap, arguments: list[str]) -> 
         (["export", "map.json", "--format", "glb", "-o", "file/a.glb"], 9, "a.glb: cannot be written (what would be its folder"),
         (["export", "map.json", "--format", "glb", "-o", "empty"], 9, "empty: cannot be written (is a directory)"),
         (["compare", "map.json", ".", "--json", "map.json"], 9, "map.json: is the map itself"),
+        (["inspect", ".", "-o", "map.html"], 9, "map.json: would be written, and is read; give the page another name"),
+        (["inspect", ".", "-o", "file/a.html"], 9, "cannot be written (what would be its folder is a file)"),
         (["compare", "map.json", ".", "-o", "a.html", "--json", "a.html"], 9, "a.html: is named for two things"),
         (["compare", "map.json", ".", "-o", "view.html", "--view"], 9, "view.html: is named for two things"),
         (["compare", "map.json", ".", "-o", "file/a.html"], 9, "a.html: cannot be written (what would be its folder is a file)"),

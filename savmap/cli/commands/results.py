@@ -75,7 +75,8 @@ def inspect(
     site_map = read_map(map_file)
     inspection = api.inspect(site_map, limits, drawing=drawing)
     photos = read_orthophotos(site_map.rows, map_file.parent)
-    written = write_inspection(InspectionPage(site_map, inspection, photos, places_of(site_map)), output)
+    inputs = [path for path in (map_file, limits, drawing) if path is not None]
+    written = write_inspection(InspectionPage(site_map, inspection, photos, places_of(site_map)), output, inputs)
     say(", ".join(f"{count} {grade}" for grade, count in inspection.counts().items()))
     for path in written:
         say(f"wrote {path}")

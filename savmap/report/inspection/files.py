@@ -5,6 +5,7 @@ import io
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -27,9 +28,10 @@ COLUMNS = (
 DECIMALS = 5
 
 
-def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
+def write_inspection(page: InspectionPage, path: Path, inputs: Sequence[Path] = ()) -> list[Path]:
     """Write the page, and, with the same beginning of their names, findings as CSV and JSON, each table as CSV, and the
-    sheets of pictures with a folder of them; the paths. Raises OutputError."""
+    sheets of pictures with a folder of them; the paths. Raises OutputError, also where one of the inputs would be
+    written over."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: an inspection is an HTML page; name it .html")
     inspection = page.inspection
@@ -42,6 +44,9 @@ def write_inspection(page: InspectionPage, path: Path) -> list[Path]:
             for line in table.lines
         ]
         texts[path.with_name(f"{path.stem}-{plugin}-{name}.csv")] = _csv(("row", *columns), lines)
+    for file, source in product((path, *texts), inputs):
+        if file.exists() and source.exists() and file.samefile(source):
+            raise OutputError(f"{file}: would be written, and is read; give the page another name")
     for file, text in texts.items():
         write_text(file, text)
     sheets, *pictures = write_sheets(page, path.with_name(f"{path.stem}-sheets.html")) or (None,)

@@ -37,6 +37,8 @@ class Clearance(InspectionLimits):
     """Between loads, and between a load and an upright."""
     above_m: Least
     """Between a load and the beam above it."""
+    source: str = f"EN 15620, class 400; {UNVERIFIED}"
+    """Where these numbers come from."""
 
 
 class ShelvesLimits(InspectionLimits):
@@ -76,4 +78,4 @@ class ShelvesLimits(InspectionLimits):
         Clearance(up_to_m=9.0, beside_m=0.075, above_m=0.125),
         Clearance(up_to_m=99.0, beside_m=0.1, above_m=0.15),
     )
-    """By height, the lowest first. From EN 15620, class 400; not checked against the standard's text."""
+    """What must be free around loads, by height, the lowest first."""
