@@ -29,7 +29,8 @@ LEAST_FRAMES = 8
 LEAST_COSINE = 0.05
 """Of the angle between a ray and the face's normal: flatter ones are left out."""
 COMMON_PERMILLE = 0.3
-"""What errors that all frames share, as of a panorama's seams, add to the standard deviation."""
+"""What errors that all frames share, as of a panorama's seams, add to the standard deviation: a tenth of a pixel, of
+2048 around, at both ends of 3 m of an upright that is seen from 2 m."""
 
 
 @dataclass(frozen=True, eq=False)
