@@ -5,7 +5,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -29,7 +28,6 @@ from savmap.plugin import (
     RowInspection,
     Structure,
     hookimpl,
-    manager,
 )
 from savmap.plugin.hookspecs import REQUIRED
 from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
@@ -91,9 +89,13 @@ def site() -> SiteMap:
 
 
 @pytest.fixture
-def installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(manager, "installed", lambda: {"posts": SimpleNamespace()})
-    monkeypatch.setattr(manager, "load_class", lambda name: Posts)
+def installed(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plugin's entry point, as pip would write it."""
+    record = tmp_path_factory.mktemp("packages") / "made_up_posts-0.1.0.dist-info"
+    record.mkdir()
+    (record / "entry_points.txt").write_text(f"[savmap.plugins]\nposts = {__name__}:Posts\n", encoding="utf-8")
+    (record / "METADATA").write_text("Name: made-up-posts\nVersion: 0.1.0\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(str(record.parent))
 
 
 @pytest.fixture
@@ -169,7 +171,7 @@ def test_without_an_orthophoto_there_are_no_pictures(folder: Path) -> None:
     [
         ("plugins:\n  posts: {hight_m: {amber: 1, red: 2}}\n", "unknown key `hight_m`: did you mean `height_m`"),
         ("plugins:\n  posts: {height_m: {amber: 1, red: 1}}\n", "amber and red must differ"),
-        ("plugins:\n  pots: {}\n", "plugins.pots: no such plugin; installed are posts"),
+        ("plugins:\n  pots: {}\n", "plugins.pots: no such plugin; installed are "),
         ("plugin: {}\n", ":1: unknown key `plugin`: did you mean `plugins`?"),
         ("[1", "not valid YAML"),
     ],
