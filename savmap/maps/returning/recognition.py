@@ -108,6 +108,7 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Laid:
     """A hypothesis while it is refined: scales and shifts (2,) along x and y, and the pairs (k, 2)."""
 
@@ -123,6 +124,7 @@ class Laid:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Scored:
     """A hypothesis: its place, and for the n elements of the pass what each pair gains (n,), its partner's x (n,) m
     (both NaN without a partner), which (n,) are beyond the mapped part of the row, and the log-probability that the row
