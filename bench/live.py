@@ -163,7 +163,7 @@ def cuts(site: Path, count: int, folder: Path) -> Figures:
     command = [sys.executable, "-m", "savmap", "live", str(site), "--resume", "-o", str(folder)]
     for _ in range(count):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(chance.uniform(2.0, 25.0))
+        time.sleep(chance.uniform(5.0, 70.0))
         process.send_signal(signal.SIGKILL)
         process.wait()
         broken += not all(is_valid(path) for path in (folder / "map.json", folder / STATE))
