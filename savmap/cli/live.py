@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from savmap.cli.mapping import map_and_print
 from savmap.cli.speech import say
+from savmap.errors import VideoError
 from savmap.jobs.cache import locked
 from savmap.live.session import LiveMapping, LiveState
 from savmap.live.sources import LiveJob
@@ -15,7 +16,7 @@ ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "up": "^", "dow
 
 def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool) -> None:
     """Map a row while its frames come, then all that was recorded. The advice of each moment goes to standard error,
-    when it changes. An interrupt ends the walk, and what was recorded is mapped."""
+    when it changes. An interrupt, or a source that is lost, ends the walk, and what was recorded is mapped."""
     row, output = job.row, job.walked.output
     prepare(output)
     with locked(output), LiveMapping(job.walked, row, resume) as live:
@@ -26,6 +27,10 @@ def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool) -> No
             for panorama in frames:
                 state = live.take(panorama)
                 said, maps = _spoken(state, said), _mapped(state, row, maps)
+        except VideoError as error:
+            if not live.state("walking").frames:
+                raise
+            say(f"{error}; mapping what was recorded", err=True)
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
     map_and_print(job.recorded)

@@ -6,6 +6,7 @@ does. Until then maps are provisional: of the frames for which there was time.
 """
 
 import json
+import logging
 import os
 import shutil
 import threading
@@ -18,7 +19,7 @@ from types import TracebackType
 
 import numpy as np
 
-from savmap.errors import SavmapError, StructureError
+from savmap.errors import SavmapError, StructureError, format_error
 from savmap.files.atomic import write_text
 from savmap.files.journal import Journal
 from savmap.geometry.vanishing import RIG_UP
@@ -46,6 +47,7 @@ from savmap.types.progress import SilentMonitor
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
+log = logging.getLogger("savmap")
 STATE = "live.json"
 PLAN = "live, plan"
 QUEUED = 2
@@ -273,6 +275,9 @@ class LiveMapping:
                         done.result()
         except SavmapError as error:
             self._failure = error
+        except Exception as error:
+            log.exception("a live session's walk")
+            self._failure = SavmapError(f"unexpected {format_error(error)}; please report it with savmap.log")
 
     def _measure(self) -> None:
         walk = self._walk

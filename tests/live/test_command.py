@@ -1,0 +1,72 @@
+"""The command `savmap live`: what ends the walk, and what is mapped then."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from savmap.cli import live
+from savmap.errors import VideoError
+from savmap.live.session import LiveState
+from savmap.live.sources import LiveJob, live_job
+from savmap.site.job import Job
+from savmap.types import Panorama
+
+from ..video.made_up_video import evenly, picture, write_video
+
+
+class FakeMapping:
+    """Counts frames, and measures nothing."""
+
+    def __init__(self, *_: object) -> None:
+        self.resumed, self.count = 0, 0
+
+    def take(self, panorama: Panorama) -> LiveState:
+        self.count += 1
+        return self.state("walking")
+
+    def state(self, status: str) -> LiveState:
+        return LiveState(status, frames=self.count)
+
+    def __enter__(self) -> "FakeMapping":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> LiveJob:
+    return live_job(write_video(tmp_path / "a.mp4", evenly(4, 10)), ["shelves"], tmp_path / "out", None, 2.0)
+
+
+@pytest.fixture
+def mapped(monkeypatch: pytest.MonkeyPatch) -> list[Job]:
+    jobs: list[Job] = []
+    monkeypatch.setattr(live, "LiveMapping", FakeMapping)
+    monkeypatch.setattr(live, "map_and_print", jobs.append)
+    return jobs
+
+
+def frames(count: int, ending: BaseException | None = None) -> Iterator[Panorama]:
+    for number in range(count):
+        yield Panorama(number, number / 10, picture(number))
+    if ending is not None:
+        raise ending
+
+
+@pytest.mark.parametrize("ending", [None, KeyboardInterrupt(), VideoError("rtsp://x: the source is lost (timed out)")])
+def test_what_was_recorded_is_mapped_however_the_walk_ends(
+    job: LiveJob, mapped: list[Job], ending: BaseException | None, capsys: Any
+) -> None:
+    live.walk_and_print(job, frames(3, ending), False)
+    assert mapped == [job.recorded]
+    said = capsys.readouterr().err
+    assert ("the source is lost (timed out); mapping what was recorded" in said) == isinstance(ending, VideoError)
+
+
+def test_a_source_that_never_began_is_an_error(job: LiveJob, mapped: list[Job]) -> None:
+    with pytest.raises(VideoError, match="cannot be opened"):
+        live.walk_and_print(job, frames(0, VideoError("/dev/video9: cannot be opened")), False)
+    assert mapped == []
