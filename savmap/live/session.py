@@ -19,9 +19,10 @@ from types import TracebackType
 
 import numpy as np
 
-from savmap.errors import SavmapError, StructureError, format_error
+from savmap.errors import OutputError, SavmapError, StructureError, format_error
 from savmap.files.atomic import write_text
 from savmap.files.journal import Journal
+from savmap.files.urls import is_url
 from savmap.geometry.vanishing import RIG_UP
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.cache_keys import digest
@@ -140,6 +141,8 @@ class LiveMapping:
     """
 
     def __init__(self, job: Job, row: str, resume: bool = False) -> None:
+        if is_url(job.output):
+            raise OutputError(f"{job.output}: a live session writes all the time: give a folder of this machine")
         prepare(job.output)
         self.job, self.row = job, row
         self.request: RowRequest = request_for(job, row)

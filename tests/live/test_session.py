@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 import savmap
 from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
+from savmap.files.urls import where
 from savmap.live import session
 from savmap.live.mapper import LivePlan, MapReply, MapRequest, ReadOnlyParts
 from savmap.live.session import STATE, LiveMapping
@@ -197,6 +198,11 @@ def test_unknown_scale_is_said(tmp_path: Path, plan: list[PassPlan]) -> None:
     with LiveMapping(bare, "1") as live:
         state = live.take(panorama_after(0))
     assert [item.code for item in state.advice] == ["no-scale"]
+
+
+def test_a_folder_elsewhere_is_refused(job: Job) -> None:
+    with pytest.raises(OutputError, match="give a folder of this machine"):
+        LiveMapping(replace(job, output=where("memory://out")), "1")
 
 
 def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -> None:
