@@ -11,7 +11,7 @@ from savmap.live.sources import LiveJob
 from savmap.site.job import prepare
 from savmap.types import Panorama
 
-ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "up": "^", "down": "v", "": "  "}
+ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "": "  "}
 
 
 def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool) -> None:

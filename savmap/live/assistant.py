@@ -18,7 +18,7 @@ from savmap.types import FilmedPanorama, Floats, Panorama, RowMap
 from savmap.video.motion import HIGH_DEG, LOW_DEG, WIDTH, PassWatch, small_grey
 
 Severity = Literal["good", "attention", "stop"]
-Arrow = Literal["", "left", "right", "back", "on", "up", "down"]
+Arrow = Literal["", "left", "right", "back", "on"]
 
 RECENT, LEAST = 12, 4
 """Frames that figures are of, and how many of them are needed."""
@@ -43,7 +43,6 @@ NEAR_M, FAR_M = 0.5, 5.0
 BEHIND_M, NAMED = 1.5, 2
 """What lies so far behind the camera has been passed; so many elements are named in a sentence."""
 LAG_S, DISK_BYTES = 5.0, 1 << 30
-LEFT, RIGHT = -90.0, 90.0
 
 Grey = NDArray[np.uint8]
 
@@ -75,7 +74,7 @@ class CaptureAssistant:
     _frames: int = 0
 
     def take(self, panorama: Panorama) -> list[Advice]:
-        """What the latest frames call for, the most urgent first."""
+        """What the latest frames call for."""
         grey = small_grey(panorama, WIDTH)
         self._step(panorama.stamp_s, grey)
         self._greys.append(grey)
@@ -109,7 +108,7 @@ class CaptureAssistant:
                 "covered", "stop", "Something covers the view of the structure: clean the lens, take the hand away."
             )
         if self.is_too_fast():
-            yield Advice("too-fast", "attention", "Walk more slowly.", "back")
+            yield Advice("too-fast", "attention", "Walk more slowly.")
         turn = float(np.median(self._turns)) if self._turns else 0.0
         if abs(turn) > TURN_DEG_S:
             side: Arrow = "left" if turn > 0 else "right"

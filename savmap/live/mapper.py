@@ -127,9 +127,9 @@ class Mapper:
         with suppress(OSError):
             self._line.send_bytes(packed(asked))
 
-    def reply(self, wait_s: float = 0.0) -> MapReply | None:
+    def reply(self) -> MapReply | None:
         """The map that is done; None where none is yet. A process that ended is told of as a problem."""
-        if not self.is_busy or not self._line.poll(wait_s):
+        if not self.is_busy or not self._line.poll():
             return None
         self.is_busy = False
         try:

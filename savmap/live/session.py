@@ -51,8 +51,6 @@ from savmap.vision.views import Renderer
 log = logging.getLogger("savmap")
 STATE = "live.json"
 PLAN = "live, plan"
-QUEUED = 2
-"""Frames that wait to be measured; an older one is passed over."""
 WORKERS = min(2, os.cpu_count() or 1)
 """Frames that are rendered and segmented at a time."""
 PREVIEWED, KEYS, PAIRS = 16, 5, 3
@@ -88,8 +86,8 @@ class LiveState:
 
 
 class _LatestFrames:
-    """The latest frames that wait to be measured; `passed_over` counts those for which there was no time. The first
-    ones are all kept, until views are chosen by them."""
+    """The latest frame, which waits to be measured; `passed_over` counts those for which there was no time. The first
+    frames are all kept, until views are chosen by them."""
 
     def __init__(self) -> None:
         self.passed_over = 0
@@ -100,7 +98,7 @@ class _LatestFrames:
     def put(self, panorama: Panorama) -> None:
         with self._changed:
             self._waiting.append(panorama)
-            if len(self._waiting) > (MOST_PREVIEWED if self._are_first else QUEUED):
+            if len(self._waiting) > (MOST_PREVIEWED if self._are_first else 1):
                 self.drop(1)
             self._changed.notify_all()
 
@@ -111,7 +109,7 @@ class _LatestFrames:
             return None if self._is_closed else list(self._waiting)
 
     def latest(self) -> Panorama | None:
-        """The latest frame, when there is one; None once it is closed."""
+        """The latest frame, when there is one that was not taken yet; None once it is closed."""
         with self._changed:
             self._are_first = False
             self._changed.wait_for(lambda: bool(self._waiting) or self._is_closed)
@@ -122,9 +120,10 @@ class _LatestFrames:
 
     def drop(self, count: int) -> None:
         """Pass over the oldest ones."""
-        for _ in range(count):
-            self._waiting.popleft()
-            self.passed_over += 1
+        with self._changed:
+            for _ in range(count):
+                self._waiting.popleft()
+                self.passed_over += 1
 
     def close(self) -> None:
         with self._changed:

@@ -58,7 +58,7 @@ class FakeMapper:
         FakeMapper.asked.append(asked)
         self.is_busy = True
 
-    def reply(self, wait_s: float = 0.0) -> MapReply | None:
+    def reply(self) -> MapReply | None:
         if not self.is_busy:
             return None
         self.is_busy = False

@@ -1,5 +1,5 @@
 "use strict";
-const ARROWS = { left: "\u2190", right: "\u2192", back: "\u21e4", on: "\u21e5", up: "\u2191", down: "\u2193", "": "" };
+const ARROWS = { left: "\u2190", right: "\u2192", back: "\u21e4", on: "\u21e5", "": "" };
 const byId = (id) => document.getElementById(id);
 
 function showState(state) {
