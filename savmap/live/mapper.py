@@ -6,11 +6,13 @@ of the walk's journal; no frame is sent to it.
 
 import logging
 import multiprocessing
+import signal
 import time
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -117,7 +119,12 @@ class Mapper:
             name="savmap-live",
             daemon=True,
         )
-        self._process.start()
+        resource_tracker.ensure_running()  # beginning it would take the mask away
+        waiting = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process.start()  # it inherits the mask: ctrl-C is left to this process
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, waiting)
         line.close()
         self.is_busy = False
 
@@ -151,7 +158,7 @@ class Mapper:
 
 def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
     parts = ReadOnlyParts(FolderCache(job.output).frames(row, key))
-    with suppress(EOFError, KeyboardInterrupt, OSError), threadpool_limits(1, "blas"):
+    with suppress(EOFError, OSError), threadpool_limits(1, "blas"):
         while True:
             line.send_bytes(packed(map_so_far(job, row, parts, live_plan, unpacked(line.recv_bytes(), MapRequest))))
 

@@ -1,6 +1,8 @@
 """A live session: which frames are measured, when maps are made, what is on disk, and how it ends."""
 
 import json
+import os
+import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,7 +17,7 @@ import savmap
 from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
 from savmap.files.urls import where
 from savmap.live import session
-from savmap.live.mapper import LivePlan, MapReply, MapRequest, ReadOnlyParts
+from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ReadOnlyParts
 from savmap.live.session import STATE, LiveMapping
 from savmap.live.sources import live_job, recorded_job, recordings
 from savmap.pipeline.view_plans import PassPlan
@@ -212,6 +214,19 @@ def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -
     assert [plugin.name for plugin in plugins] == ["watcher"]
     assert pass_plan.side == "left"
     assert np.array_equal(pass_plan.attitude(), np.eye(3))
+
+
+def test_an_interrupt_is_left_to_the_process_that_walks(job: Job) -> None:
+    mapper = Mapper(job, "1", "key", LivePlan({}, {}))
+    try:
+        assert mapper._process.pid is not None
+        for _ in range(5):  # also while it still begins
+            os.kill(mapper._process.pid, signal.SIGINT)
+            time.sleep(0.1)
+        assert mapper.is_alive
+    finally:
+        mapper.close()
+    assert not mapper.is_alive
 
 
 def test_a_reader_of_the_journal_forgets_nothing() -> None:
