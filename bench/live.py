@@ -1,18 +1,16 @@
 """What a live session of `savmap live` does on this machine: how far it stays behind, what its assistant says, what is left where it is cut off.
 
-    python -m bench live [--parts advice walk cuts] [--site SITE.yaml] [--clips VIDEO ...] [--cuts 20] [--pace 1]
+    python -m bench live [--parts advice walk cuts] [--site SITE.yaml] [--clips VIDEO ...] [--cuts 20] [--pace 1] [--keep DIR]
 
 - `advice`: footage that deserves a warning is made of each clip, picture by picture, and shown to the assistant: which codes it says, in how many
   frames, and how soon. Of the clean clips it should say nothing.
 - `walk`: a site's first row at the pace at which it was filmed: share of the frames that are measured at once, from a frame's coming to its
   measurement, from it to the first map, between maps; whether the map at the end has the bytes of `savmap map`'s.
-- `cuts`: the process is killed at random moments; each time map.json and live.json must be whole, or not there yet, and `--resume` must go on.
+- `cuts`: sessions over six seconds of the demo are killed, find the disk full or lose their source at random moments; each time all files must be
+  whole, and a session that goes on to its end with `--resume` must give the map of `savmap map`, byte by byte. Use `--pace 0.3`.
 """
 
 import argparse
-import json
-import random
-import signal
 import subprocess
 import sys
 import tempfile
@@ -27,13 +25,11 @@ import numpy as np
 
 from bench.baseline import Figures
 from bench.clips import Frames, Image, lit, out_of_focus, read
-from savmap.errors import SavmapError
+from bench.live_cuts import cuts
 from savmap.files.atomic import sha256
-from savmap.jobs.cache import locked
 from savmap.live.assistant import CaptureAssistant
-from savmap.live.session import STATE, LiveMapping
+from savmap.live.session import LiveMapping
 from savmap.live.sources import frames_of, live_job
-from savmap.maps.map_file import read_map
 from savmap.types import Panorama
 from savmap.video.motion import PassWatch
 
@@ -134,7 +130,7 @@ def walk(site: Path, pace: float, folder: Path) -> Figures:
             came[panorama.frame] = before = time.monotonic()
             state = live.take(panorama)
             slowest = max(slowest, time.monotonic() - before)
-            done |= {number: time.monotonic() for number in list(live._measured) if number not in done}
+            done |= {number: time.monotonic() for number in live.measured if number not in done}
             if state.maps > len(maps):
                 maps.append(time.monotonic() - begun)
     footage = state.footage_s
@@ -157,48 +153,12 @@ def walk(site: Path, pace: float, folder: Path) -> Figures:
     return {f"{site.parent.name}, pace {pace:g}": row}
 
 
-def cuts(site: Path, count: int, folder: Path) -> Figures:
-    """Kill a session at random moments, again and again; each session goes on where the last stood."""
-    chance, broken, lost, measured = random.Random(1), 0, 0, 0
-    command = [sys.executable, "-m", "savmap", "live", str(site), "--resume", "-o", str(folder)]
-    for _ in range(count):
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(chance.uniform(5.0, 70.0))
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        broken += not all(is_valid(path) for path in (folder / "map.json", folder / STATE))
-        now = _kept(site, folder)
-        lost, measured = lost + (now < measured), now
-    row = {"cuts": count, "broken files": broken, "frames lost": lost, "frames kept": measured}
-    print(row, flush=True)
-    return {"cuts": row}
-
-
-def is_valid(path: Path) -> bool:
-    """Whether a file is whole, or not there."""
-    try:
-        if path.name == STATE:
-            return not path.exists() or bool(json.loads(path.read_text(encoding="utf-8")))
-        return not path.exists() or bool(read_map(path).rows)
-    except (ValueError, SavmapError):
-        return False
-
-
-def _kept(site: Path, folder: Path) -> int:
-    """How many frames a session that is cut off keeps."""
-    job = live_job(site, None, folder)
-    with locked(folder):
-        live = LiveMapping(job.walked, job.row, resume=True)
-        live.stop()
-    return live.resumed
-
-
 def parts(given: argparse.Namespace) -> Iterator[tuple[str, Figures]]:
     with tempfile.TemporaryDirectory() as folder:
         steps: Mapping[str, Callable[[], Figures]] = {
             "advice": lambda: advice(given.clips),
             "walk": lambda: walk(given.site, given.pace, Path(folder)),
-            "cuts": lambda: cuts(given.site, given.cuts, Path(folder) / "cut"),
+            "cuts": lambda: cuts(given.cuts, given.pace, given.keep or Path(folder) / "cut"),
         }
         for name in given.parts:
             yield name, steps[name]()
@@ -210,6 +170,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clips", type=Path, nargs="+", default=list(CLIPS))
     parser.add_argument("--cuts", type=int, default=20)
     parser.add_argument("--pace", type=float, default=1.0)
+    parser.add_argument("--keep", type=Path, help="a folder for what `cuts` writes")
 
 
 def run(given: argparse.Namespace) -> dict[str, Any]:

@@ -94,7 +94,8 @@ class Journal:
         self._waiting: dict[Place, bytes] = {}
         self._last: tuple[int, dict[Place, bytes]] = (0, {})
         self._lock = threading.Lock()
-        self._load()
+        self.read_on()
+        forget(self._parts, self._next)  # behind what does not fit: it would never be asked for
         self.earlier = Counter(series for series, _ in self._part_of)
         """How many records of an earlier run there are of each series."""
 
@@ -145,13 +146,12 @@ class Journal:
             self._part_of |= places
             self._next, self._waiting, self._written_s = self._next + 1, {}, time.monotonic()
 
-    def _load(self) -> None:
-        """Take what fits, up to the first part that does not, and forget what is behind that: it would never be asked
-        for."""
-        while records := self._records(self._next):
-            self._part_of |= dict.fromkeys(records, self._next)
-            self._next += 1
-        forget(self._parts, self._next)
+    def read_on(self) -> None:
+        """Take the parts that another process has kept since, each once, up to the first that does not fit."""
+        with self._lock:
+            while records := self._records(self._next):
+                self._part_of |= dict.fromkeys(records, self._next)
+                self._next += 1
 
     def _records(self, part: int) -> dict[Place, bytes]:
         """The packed records of a part; none where there is no such part, or it does not fit."""

@@ -184,13 +184,20 @@ def _begin(events: Connection, timeout_s: float) -> None:
     _events = events
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     limit_hooks(timeout_s)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Have this process end with the one that it works for, as soon as Python's lock is free."""
+    threading.Thread(target=end_if_left, args=(None,), daemon=True).start()
+
+
+def end_if_left(wait_s: float | None = 0.0) -> None:
+    """End this process if the one that it works for ends within a time (None: whenever it does)."""
     if (parent := multiprocessing.parent_process()) is not None:
-        parent.join()
-        os._exit(1)
+        parent.join(wait_s)
+        if not parent.is_alive():
+            os._exit(1)
 
 
 def _send(*event: object) -> None:

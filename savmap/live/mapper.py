@@ -18,18 +18,20 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError, SiteError
+from savmap.errors import SavmapError, SiteError, StructureError, format_error
 from savmap.files.journal import Journal, Parts
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.cache import FolderCache
+from savmap.jobs.executors import end_if_left, end_with_parent
 from savmap.jobs.map_site import MAP, made_by
 from savmap.jobs.tasks import request_for
 from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.finding import find_structures
-from savmap.pipeline.records import RowRequest
+from savmap.pipeline.records import FrameRecord, RowRequest
 from savmap.pipeline.row import map_rows
 from savmap.pipeline.view_plans import PassPlan
+from savmap.plugin.calls import limit_hooks
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.report.site_report import VIEW
@@ -42,6 +44,8 @@ from savmap.vision.views import Renderer
 
 log = logging.getLogger("savmap")
 PROVISIONAL = "note provisional"
+MOST_MAPPED = 400
+"""Frames of a provisional map; a row of twenty bays takes about half of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +85,14 @@ class MapRequest:
 
 @dataclass(frozen=True, eq=False)
 class MapReply:
-    """A provisional map of the row, or why there is none yet; how many frames it is of, and how long it took."""
+    """A provisional map of the row, or why there is none yet; how many frames it is of, and how long it took.
+    `is_unseen`: there is none since no structure is seen."""
 
     row: RowMap | None
     problem: str
     frames: int
     seconds: float
+    is_unseen: bool = False
 
 
 class ReadOnlyParts:
@@ -157,26 +163,68 @@ class Mapper:
 
 
 def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
+    end_with_parent()
+    limit_hooks(job.site.plugin_timeout_s)
     parts = ReadOnlyParts(FolderCache(job.output).frames(row, key))
+    maps = ProvisionalMaps(job, row, parts, live_plan)
     with suppress(EOFError, OSError), threadpool_limits(1, "blas"):
         while True:
-            line.send_bytes(packed(map_so_far(job, row, parts, live_plan, unpacked(line.recv_bytes(), MapRequest))))
+            line.send_bytes(packed(maps.map(unpacked(line.recv_bytes(), MapRequest))))
 
 
-def map_so_far(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest) -> MapReply:
-    """Map what the journal has of a row, and write map.json and view.html, each whole or not at all."""
-    begun, measured = time.monotonic(), len(asked.measured)
-    try:
-        mapped = _mapped(job, row, parts, live_plan, asked)
-        site_map = SiteMap({row: mapped}, made_by(job))
-        write_map(site_map, job.output / MAP)
-        write_view(View(site_map, None, f"{row} (provisional)"), job.output / VIEW)
-    except SavmapError as error:
-        return MapReply(None, str(error), measured, time.monotonic() - begun)
-    except Exception as error:
-        log.error("%s", traceback.format_exc())
-        return MapReply(None, f"unexpected {type(error).__name__}: {error}", measured, time.monotonic() - begun)
-    return MapReply(mapped, "", measured, time.monotonic() - begun)
+class ProvisionalMaps:
+    """Maps of what a walk has measured so far of a row, one after another. `parts`: of the walk's journal, of which
+    what was measured in a frame is read once."""
+
+    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan) -> None:
+        self.job, self.row, self.live_plan = job, row, live_plan
+        self._journal = Journal(parts)
+        self._records: dict[int, FrameRecord] = {}
+
+    def map(self, asked: MapRequest) -> MapReply:
+        """Map what the journal has, and write map.json and view.html, each whole or not at all."""
+        begun, measured = time.monotonic(), len(asked.measured)
+        try:
+            mapped = self._mapped(asked)
+            site_map = SiteMap({self.row: mapped}, made_by(self.job))
+            end_if_left()  # another session may go on in the folder
+            write_map(site_map, self.job.output / MAP)
+            write_view(View(site_map, None, f"{self.row} (provisional)"), self.job.output / VIEW)
+        except SavmapError as error:
+            unseen = isinstance(error, StructureError)
+            return MapReply(None, str(error), measured, time.monotonic() - begun, unseen)
+        except Exception as error:
+            log.error("%s", traceback.format_exc())
+            return MapReply(None, f"unexpected {format_error(error)}", measured, time.monotonic() - begun)
+        return MapReply(mapped, "", measured, time.monotonic() - begun)
+
+    def _mapped(self, asked: MapRequest) -> RowMap:
+        monitor, request = SilentMonitor(), replace(request_for(self.job, self.row), appearance=False)
+        _, plugins, plan = planned = self.live_plan.planned(request)
+        walk = RowWalk(planned, SegmenterPool(plugins), Renderer(), self._journal)
+        walk.begin(plan.name, request.passes[0], monitor)
+        records = self._read(asked.measured)
+        for number, stamp_s in enumerate(asked.stamps_s):
+            walk.take_measured(stamp_s, records.get(number))
+        measured = find_structures(walk.walked(), monitor)
+        for request in (measured.request, *with_fewer_references(measured.request)):
+            (result,) = map_rows([replace(measured, request=request)], monitor)
+            if not isinstance(result, SiteError):  # which refers to what was not passed yet
+                break
+        if isinstance(result, SavmapError):
+            raise result
+        note = f"of {len(records)} of {len(asked.stamps_s)} frames, while the walk goes on"
+        return replace(result, report={**result.report, PROVISIONAL: note})
+
+    def _read(self, measured: frozenset[int]) -> dict[int, FrameRecord]:
+        """What was measured, by frame; of a long row evenly chosen frames, so that neither time nor memory grow."""
+        self._journal.read_on()
+        numbers = sorted(number for number in measured if self._journal.has(self.row, number))
+        chosen = numbers[:: -(-len(numbers) // MOST_MAPPED) or 1]
+        kept = {number: self._records.get(number) for number in chosen}
+        read = {number: record or self._journal.get(FrameRecord, self.row, number) for number, record in kept.items()}
+        self._records = {number: record for number, record in read.items() if record is not None}
+        return self._records
 
 
 def with_fewer_references(request: RowRequest) -> Iterator[RowRequest]:
@@ -185,24 +233,3 @@ def with_fewer_references(request: RowRequest) -> Iterator[RowRequest]:
     fewer = replace(request, references=replace(request.references, lengths=(), points=()))
     yield fewer
     yield replace(fewer, plugins=[plugin.before_pixels() for plugin in request.plugins])
-
-
-def _mapped(job: Job, row: str, parts: Parts, live_plan: LivePlan, asked: MapRequest) -> RowMap:
-    monitor, request = SilentMonitor(), replace(request_for(job, row), appearance=False)
-    _, plugins, plan = planned = live_plan.planned(request)
-    walk = RowWalk(planned, SegmenterPool(plugins), Renderer(), Journal(parts))
-    walk.begin(plan.name, request.passes[0], monitor)
-    for number, stamp_s in enumerate(asked.stamps_s):
-        if number in asked.measured and walk.journal.has(row, number):
-            walk.take_known(number, stamp_s)
-        else:
-            walk.take_unmeasured(stamp_s)
-    measured = find_structures(walk.walked(), monitor)
-    for request in (measured.request, *with_fewer_references(measured.request)):
-        (result,) = map_rows([replace(measured, request=request)], monitor)
-        if not isinstance(result, SiteError):  # which refers to what was not passed yet
-            break
-    if isinstance(result, SavmapError):
-        raise result
-    note = f"of {len(asked.measured)} of {len(asked.stamps_s)} frames, while the walk goes on"
-    return replace(result, report={**result.report, PROVISIONAL: note})

@@ -43,7 +43,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, prepare
 from savmap.site.model import pass_names
 from savmap.site.preflight import tells_scale
-from savmap.types import Floats, Panorama, RowMap
+from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
@@ -58,6 +58,8 @@ PREVIEWED, KEYS, PAIRS = 16, 5, 3
 MOST_PREVIEWED = 48
 FIRST_MAP, FURTHER = 10, 6
 """Measured frames before the first map, and between two maps."""
+SURE_UNSEEN = 2 * FIRST_MAP
+"""Measured frames in which no structure is seen together, before that is said."""
 STATE_S = 0.5
 
 
@@ -131,6 +133,20 @@ class _LatestFrames:
             self._changed.notify_all()
 
 
+class _EndingRenderer(Renderer):
+    """Renders until it is closed: whatever waits for further views then ends at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.is_closed = False
+
+    def render(self, panorama: Panorama, spec: ViewSpec) -> View:
+        """A view. Raises SavmapError once it is closed."""
+        if self.is_closed:
+            raise SavmapError("the session has ended")
+        return super().render(panorama, spec)
+
+
 class LiveMapping:
     """One row that is mapped while it is filmed. `job`: with the row's footage, which may not be there yet; `output`
     is where maps and the state are written. `resume`: go on with what an earlier session measured there.
@@ -150,7 +166,7 @@ class LiveMapping:
         self.latest: RowMap | None = None
         self._key = digest(live=job.site.model_dump(mode="json"), row=row)
         self._journal = Journal(FolderCache(job.output, fresh=not resume).frames(row, self._key))
-        self._renderer, self._frames = Renderer(), _LatestFrames()
+        self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
         self._stamps: list[float] = []
         self._measured: set[int] = set()
         self._advice: list[Advice] = []
@@ -169,6 +185,11 @@ class LiveMapping:
     def resumed(self) -> int:
         """How many frames an earlier session measured."""
         return self._journal.earlier[self.row]
+
+    @property
+    def measured(self) -> frozenset[int]:
+        """The numbers of the frames in which something was measured."""
+        return frozenset(self._measured)
 
     def take(self, panorama: Panorama) -> LiveState:
         """Take the next frame. Raises the error by which measuring failed."""
@@ -206,6 +227,7 @@ class LiveMapping:
 
     def stop(self) -> None:
         """End measuring and mapping; what was measured is kept."""
+        self._renderer.is_closed = True
         self._frames.close()
         self._worker.join()
         self._journal.flush()
@@ -235,7 +257,7 @@ class LiveMapping:
                 attitude = self.request.attitudes.get(name)
                 plugins, plan = with_best_networks(name, row_pass, self.request.plugins, preview, attitude)
             except StructureError as error:
-                self._reply = MapReply(None, str(error), 0, 0.0)
+                self._reply = MapReply(None, str(error), 0, 0.0, is_unseen=True)
                 self._looked_for = min(self._looked_for + PREVIEWED, MOST_PREVIEWED)
                 self._frames.drop(PREVIEWED if len(first) >= MOST_PREVIEWED else 0)
             else:
@@ -276,7 +298,7 @@ class LiveMapping:
                     for done in [pool.submit(self._measure) for _ in range(WORKERS)]:
                         done.result()
         except SavmapError as error:
-            self._failure = error
+            self._failure = None if self._renderer.is_closed else error
         except Exception as error:
             log.exception("a live session's walk")
             self._failure = SavmapError(f"unexpected {format_error(error)}; please report it with savmap.log")
@@ -302,7 +324,7 @@ class LiveMapping:
         new = len(self._measured) - self._reply.frames
         if not mapper.is_busy and mapper.is_alive and new >= (FURTHER if self._maps else FIRST_MAP):
             self._journal.flush()
-            mapper.request(MapRequest(tuple(self._stamps), frozenset(self._measured)))
+            mapper.request(MapRequest(tuple(self._stamps), self.measured))
 
     def _lag_s(self) -> float:
         """By how much footage what was measured is behind what came."""
@@ -313,7 +335,8 @@ class LiveMapping:
         if not self._tells_scale:
             text = "The scale is not known: measure the camera's height above the floor, and give --camera-height."
             advice.append(Advice("no-scale", "attention", text))
-        if self._walk is None and self._reply.problem:
+        is_sure = self._walk is None or self._reply.frames >= SURE_UNSEEN
+        if self._reply.is_unseen and is_sure and not self._maps:
             advice.append(
                 Advice("not-seen", "attention", f"Nothing is seen that can be mapped: {self._reply.problem}.")
             )

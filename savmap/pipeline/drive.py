@@ -372,9 +372,9 @@ class RowWalk:
         if not isinstance(rendered, FrameRecord):
             self._journaled(panorama, *rendered)
 
-    def take_unmeasured(self, stamp_s: float) -> None:
-        """Take the next frame, in which nothing was measured."""
-        self._keep(stamp_s, FrameRecord({}))
+    def take_measured(self, stamp_s: float, record: FrameRecord | None) -> None:
+        """Take the next frame, in which this was measured; None: nothing was."""
+        self._keep(stamp_s, record or FrameRecord({}))
 
     def _journaled(
         self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut], strip: PanoramaStrip | None

@@ -84,6 +84,19 @@ def test_what_is_behind_a_damaged_part_is_forgotten(kept: Shelf, damage: bytes |
     assert 2 not in kept.parts
 
 
+def test_a_journal_that_another_one_writes_is_read_on_from_where_it_stopped(kept: Shelf) -> None:
+    reader, loaded = Journal(kept), list[int]()
+    with Journal(kept) as writer:
+        writer.add("look", 5, FIRST)
+    assert not reader.has("look", 5)
+    shelf = Shelf(kept.parts)
+    reader._parts = shelf
+    shelf.load = lambda part: loaded.append(part) or kept.load(part)  # type: ignore[method-assign,func-returns-value]
+    reader.read_on()
+    assert loaded == [4, 5]
+    assert reader.get(ViewSpec, "look", 5) == FIRST
+
+
 def test_records_of_another_kind_are_not_used(kept: Shelf) -> None:
     with pytest.raises(ValueError, match="not a stored Still"):
         Journal(kept).get(Still, "walk", 4)

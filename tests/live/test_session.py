@@ -1,8 +1,10 @@
 """A live session: which frames are measured, when maps are made, what is on disk, and how it ends."""
 
 import json
+import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,11 +17,14 @@ from pydantic import BaseModel, ConfigDict
 
 import savmap
 from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
+from savmap.files.journal import Journal, TemporaryParts
 from savmap.files.urls import where
-from savmap.live import session
-from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ReadOnlyParts
+from savmap.live import mapper, session
+from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps, ReadOnlyParts
 from savmap.live.session import STATE, LiveMapping
 from savmap.live.sources import live_job, recorded_job, recordings
+from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.records import FrameRecord
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.job import Job
@@ -195,6 +200,35 @@ def test_nothing_to_be_mapped_is_said_and_looked_for_again(
     assert "Nothing is seen that can be mapped: no structure is seen." in [item.text for item in state.advice]
 
 
+def test_what_is_not_seen_together_is_said_once_it_is_sure(
+    job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with LiveMapping(job, "1") as live:
+        live._walk, codes = RowWalk.__new__(RowWalk), []
+        for frames_mapped in (session.FIRST_MAP, session.SURE_UNSEEN):
+            live._reply = MapReply(None, "no picture shows two of them", frames_mapped, 1.0, is_unseen=True)
+            codes.append([item.code for item in live.take(panorama_after(frames_mapped)).advice])
+        assert codes == [[], ["not-seen"]]
+
+
+def test_choosing_views_ends_with_the_session(job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = threading.Event()
+
+    def looks_for_ever(*_: object) -> None:
+        while True:
+            begun.set()
+            live._renderer.render(panorama_after(0), AHEAD)
+
+    monkeypatch.setattr(session, "with_best_networks", looks_for_ever)
+    live = LiveMapping(job, "1")
+    for panorama in frames(session.PREVIEWED):
+        live.take(panorama)
+    assert begun.wait(20)
+    live.stop()
+    assert not live._worker.is_alive()
+    assert live._failure is None
+
+
 def test_unknown_scale_is_said(tmp_path: Path, plan: list[PassPlan]) -> None:
     bare = live_job(tmp_path / "a.mp4", ["shelves"], tmp_path / "out").walked
     with LiveMapping(bare, "1") as live:
@@ -217,16 +251,41 @@ def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -
 
 
 def test_an_interrupt_is_left_to_the_process_that_walks(job: Job) -> None:
-    mapper = Mapper(job, "1", "key", LivePlan({}, {}))
+    maps = Mapper(job, "1", "key", LivePlan({}, {}))
     try:
-        assert mapper._process.pid is not None
+        assert maps._process.pid is not None
         for _ in range(5):  # also while it still begins
-            os.kill(mapper._process.pid, signal.SIGINT)
+            os.kill(maps._process.pid, signal.SIGINT)
             time.sleep(0.1)
-        assert mapper.is_alive
+        assert maps.is_alive
     finally:
-        mapper.close()
-    assert not mapper.is_alive
+        maps.close()
+    assert not maps.is_alive
+
+
+def test_a_hook_that_is_stuck_ends_the_process_that_maps(job: Job) -> None:
+    limits = list[float]()
+    line, other = multiprocessing.Pipe()
+    limited = replace(job, site=job.site.model_copy(update={"plugin_timeout_s": 7.0}))
+    other.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mapper, "limit_hooks", limits.append)
+        mapper._serve(line, limited, "1", "key", LivePlan({}, {}))
+    assert limits == [7.0]
+
+
+def test_a_long_row_is_mapped_from_evenly_chosen_frames(monkeypatch: pytest.MonkeyPatch, job: Job) -> None:
+    monkeypatch.setattr(mapper, "MOST_MAPPED", 4)
+    read = list[int]()
+    with Journal() as journal:
+        for number in range(10):
+            journal.add("1", number, FrameRecord({}))
+        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}, {}))
+        maps._journal = journal
+        monkeypatch.setattr(journal, "get", lambda kind, row, number: read.append(number) or FrameRecord({}))
+        assert sorted(maps._read(frozenset({0, 1, 11}))) == [0, 1]
+        assert sorted(maps._read(frozenset(range(12)))) == [0, 3, 6, 9]
+    assert read == [0, 1, 3, 6, 9]
 
 
 def test_a_reader_of_the_journal_forgets_nothing() -> None:
