@@ -1,4 +1,5 @@
-"""What is left where `savmap live` is cut off: killed, its disk full, or its source lost, at random moments of a walk and of the final map."""
+"""What is left where `savmap live` is cut off: killed, its disk full, or its source lost, at random
+moments of a walk and of the final map."""
 
 import json
 import random
@@ -29,7 +30,7 @@ DEMO = Path(__file__).parents[1] / "savmap" / "demo" / "aisle-dev.mp4"
 NETWORK = Path(__file__).parents[1] / "plugins" / "shelves" / "savmap_shelves" / "model" / "shelves.int8.onnx"
 BEGIN_S, END_S = 3.0, 9.0
 SITE = f"""\
-plugins: {{shelves: {{model: {NETWORK}}}}}
+plugins: {{shelves: {{model: {NETWORK}, every: 2}}}}
 references: {{camera_height_m: {{value: 3.055, sigma: 0.02}}}}
 orthophotos: false
 panoramas: false
@@ -42,7 +43,7 @@ rows:
         end_s: {END_S}
         views: {{face: {{yaw_deg: -79.4, pitch_deg: 1.9, roll_deg: 0.1, hfov_deg: 148.5}}}}
 """
-"""Six seconds of the demo, the network and the view of which are given, so that a walk takes seconds."""
+"""Six seconds of the demo, the network and the views of which are given, so that a walk takes seconds."""
 KINDS = ("killed", "killed", "disk full", "killed", "source lost")
 TO_THE_END = 10
 """After so many interruptions a session is left to go on to its end."""
@@ -72,7 +73,7 @@ class Walks:
         folder.mkdir(parents=True, exist_ok=True)
         self.site = folder / "site.yaml"
         self.site.write_text(SITE, encoding="utf-8")
-        run("map", self.site, "-o", folder / "batch")
+        run_savmap("map", self.site, "-o", folder / "batch")
         self.batch = sha256(folder / "batch" / "map.json")
         begun = time.monotonic()
         self.to_the_end()
@@ -107,14 +108,14 @@ class Walks:
         output, content = self.folder / f"camera-{number}", stream_of(DEMO)
         sent = self._chance.uniform(0.1, 1.0)
         with Sender(content[: round(sent * len(content))], (END_S - BEGIN_S) * sent / self.pace) as sender:
-            code = run("live", self.site, "--camera", sender.address, "-o", output)
+            code = run_savmap("live", self.site, "--camera", sender.address, "-o", output)
         self.totals[f"source lost, exit code {code}"] += 1
         self._count_faults(output)
         if (output / "map.json").is_file():
             site = self.folder / f"camera-{number}.yaml"
             lines = [line for line in SITE.splitlines() if "start_s" not in line and "end_s" not in line]
             site.write_text("\n".join(lines).replace(str(DEMO), str(output / "recording.mkv")), encoding="utf-8")
-            run("map", site, "-o", self.folder / f"camera-{number}-batch")
+            run_savmap("map", site, "-o", self.folder / f"camera-{number}-batch")
             self._compare(output, sha256(self.folder / f"camera-{number}-batch" / "map.json"))
         shutil.rmtree(output, ignore_errors=True)
 
@@ -149,7 +150,7 @@ def begun(*arguments: object) -> Interrupted:
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def run(*arguments: object) -> int:
+def run_savmap(*arguments: object) -> int:
     """A command's exit code."""
     return begun(*arguments).wait(ENDS_S)
 

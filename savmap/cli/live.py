@@ -2,38 +2,54 @@
 
 from collections.abc import Iterable
 
+from savmap.cli.console import Console
 from savmap.cli.mapping import map_and_print
 from savmap.cli.speech import say
 from savmap.errors import VideoError
 from savmap.jobs.cache import locked
+from savmap.live.rows import LiveRows
 from savmap.live.session import LiveMapping, LiveState
 from savmap.live.sources import LiveJob
-from savmap.site.job import prepare
+from savmap.site.job import Job, prepare
 from savmap.types import Panorama
 
 ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "": "  "}
 
 
-def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool) -> None:
-    """Map a row while its frames come, then all that was recorded. The advice of each moment goes to standard error,
-    when it changes. An interrupt, or a source that is lost, ends the walk, and what was recorded is mapped."""
-    row, output = job.row, job.walked.output
-    prepare(output)
-    with locked(output), LiveMapping(job.walked, row, resume) as live:
-        if live.resumed:
-            say(f"row {row}: what was measured in {live.resumed} frames is kept from an earlier session", err=True)
+def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool, splits: bool = False) -> None:
+    """Map a row while its frames come, then all that was recorded; `splits`: each aisle as a row, then the rows that
+    are found in the recording. The advice of each moment goes to standard error, when it changes. An interrupt, or a source that is lost, ends the walk, and
+    what was recorded is mapped."""
+    prepare(job.walked.output)
+    with locked(job.walked.output), _begun(job, resume, splits) as live:
         said, maps = "", 0
         try:
             for panorama in frames:
                 state = live.take(panorama)
-                said, maps = _spoken(state, said), _mapped(state, row, maps)
+                said, maps = _spoken(state, said), _mapped(state, live.row, maps)
         except VideoError as error:
-            if not live.state("walking").frames:
+            if not said:
                 raise
             say(f"{error}; mapping what was recorded", err=True)
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
-    map_and_print(job.recorded)
+    map_and_print(_with_rows_found(job) if splits else job.recorded)
+
+
+def _begun(job: LiveJob, resume: bool, splits: bool) -> LiveRows | LiveMapping:
+    if splits:
+        return LiveRows(job)
+    live = LiveMapping(job.walked, job.row, resume)
+    if live.resumed:
+        say(f"row {job.row}: what was measured in {live.resumed} frames is kept from an earlier session", err=True)
+    return live
+
+
+def _with_rows_found(job: LiveJob) -> Job:
+    with Console(job.recorded.output / "savmap.log") as console:
+        split = job.with_rows_found(console)
+    say(f"rows that were filmed: {', '.join(split.site.rows)}", err=True)
+    return split
 
 
 def _spoken(state: LiveState, before: str) -> str:

@@ -11,6 +11,7 @@ from savmap.files.urls import where
 from savmap.jobs.cache import locked
 from savmap.jobs.map_site import made_by, map_job_into
 from savmap.jobs.scheduler import RunOptions
+from savmap.live.rows import LiveRows
 from savmap.live.session import LiveMapping, LiveState
 from savmap.live.sources import recorded_job
 from savmap.site.job import prepare
@@ -27,7 +28,8 @@ class LiveSession:
 
     site: a site file, of whose row the references and settings are taken; None: a row named "1" of which no more is
     given than `camera_height_m` and `side`. output: the folder that is written into. row: of the site file; default its
-    first. plugins, overrides: as of `map_site`. resume: film on where an earlier session in this folder ended; both
+    first. plugins, overrides: as of `map_site`. split: several aisles are filmed, and `finish` maps the rows that
+    `savmap split` finds in the recording. resume: film on where an earlier session in this folder ended; both
     recordings are mapped in the end.
 
         with savmap.LiveSession("site.yaml", output="out") as session:
@@ -48,13 +50,15 @@ class LiveSession:
         camera_height_m: float | None = None,
         side: str | None = None,
         resume: bool = False,
+        split: bool = False,
         overrides: Sequence[str] = (),
     ) -> None:
         folder, keys = where(output), overrides_of(list(overrides), {})
         source = where(site) if site is not None else None
+        self._splits = split
         self._job = recorded_job(source, plugins, folder, row, resume, camera_height_m, side, keys)
         prepare(folder)
-        self._mapping = LiveMapping(self._job.walked, self._job.row)
+        self._mapping = LiveRows(self._job) if split else LiveMapping(self._job.walked, self._job.row)
         self._recorder = FrameRecorder(self._job.clip.path)
         self._next_s, self._frames, self._is_open = -np.inf, 0, True
 
@@ -76,14 +80,16 @@ class LiveSession:
 
     def map(self) -> SiteMap | None:
         """The latest provisional map; None before the first."""
-        latest = self._mapping.latest
-        return None if latest is None else SiteMap({self._job.row: latest}, made_by(self._job.walked))
+        maps = self._mapping.maps
+        return SiteMap(dict(maps), made_by(self._job.walked)) if maps else None
 
     def finish(self, progress: Monitor | None = None) -> SiteMap:
         """End the session and map all that was recorded, as `map_site` does. Raises as that does."""
         self.close()
-        with locked(self._job.recorded.output):
-            return map_job_into(self._job.recorded, RunOptions(0), progress or SilentMonitor()).site_map
+        monitor = progress or SilentMonitor()
+        job = self._job.with_rows_found(monitor) if self._splits else self._job.recorded
+        with locked(job.output):
+            return map_job_into(job, RunOptions(0), monitor).site_map
 
     def close(self) -> None:
         """End the session; the recording and the latest provisional map stay."""

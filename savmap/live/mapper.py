@@ -114,14 +114,14 @@ class ReadOnlyParts:
 
 class Mapper:
     """Maps a row of a job again and again, in another process, into the job's output folder. `key`: of the frames that
-    the walk's journal keeps there."""
+    the walk's journal keeps there. `others`: maps of other rows, which are written with each of its own."""
 
-    def __init__(self, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
+    def __init__(self, job: Job, row: str, key: str, live_plan: LivePlan, others: Mapping[str, RowMap]) -> None:
         context = multiprocessing.get_context("spawn")
         self._line, line = context.Pipe()
         self._process = context.Process(
             target=_serve,
-            args=(line, job, row, key, live_plan),
+            args=(line, job, row, key, live_plan, packed(others)),
             name="savmap-live",
             daemon=True,
         )
@@ -162,11 +162,11 @@ class Mapper:
         self._line.close()
 
 
-def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan) -> None:
+def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan, others: bytes) -> None:
     end_with_parent()
     limit_hooks(job.site.plugin_timeout_s)
     parts = ReadOnlyParts(FolderCache(job.output).frames(row, key))
-    maps = ProvisionalMaps(job, row, parts, live_plan)
+    maps = ProvisionalMaps(job, row, parts, live_plan, unpacked(others, dict))
     with suppress(EOFError, OSError), threadpool_limits(1, "blas"):
         while True:
             line.send_bytes(packed(maps.map(unpacked(line.recv_bytes(), MapRequest))))
@@ -174,10 +174,10 @@ def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan) 
 
 class ProvisionalMaps:
     """Maps of what a walk has measured so far of a row, one after another. `parts`: of the walk's journal, of which
-    what was measured in a frame is read once."""
+    what was measured in a frame is read once. `others`: maps of other rows, written with each of its own."""
 
-    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan) -> None:
-        self.job, self.row, self.live_plan = job, row, live_plan
+    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan, others: Mapping[str, RowMap]) -> None:
+        self.job, self.row, self.live_plan, self.others = job, row, live_plan, others
         self._journal = Journal(parts)
         self._records: dict[int, FrameRecord] = {}
 
@@ -186,7 +186,7 @@ class ProvisionalMaps:
         begun, measured = time.monotonic(), len(asked.measured)
         try:
             mapped = self._mapped(asked)
-            site_map = SiteMap({self.row: mapped}, made_by(self.job))
+            site_map = SiteMap({**self.others, self.row: mapped}, made_by(self.job))
             end_if_left()  # another session may go on in the folder
             write_map(site_map, self.job.output / MAP)
             write_view(View(site_map, None, f"{self.row} (provisional)"), self.job.output / VIEW)

@@ -12,16 +12,16 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 
 import numpy as np
 
 from savmap.errors import OutputError, SavmapError, StructureError, format_error
 from savmap.files.atomic import write_text
-from savmap.files.journal import Journal
+from savmap.files.journal import Journal, forget
 from savmap.files.urls import is_url
 from savmap.geometry.vanishing import RIG_UP
 from savmap.jobs.cache import FolderCache
@@ -149,23 +149,27 @@ class _EndingRenderer(Renderer):
 
 class LiveMapping:
     """One row that is mapped while it is filmed. `job`: with the row's footage, which may not be there yet; `output`
-    is where maps and the state are written. `resume`: go on with what an earlier session measured there.
+    is where maps and the state are written. `resume`: go on with what an earlier session measured there. `others`: maps
+    of rows that were filmed before, which stay in the maps that are written.
 
     `take` gets the footage's frames in order, numbered from 0. Raises SiteError, PluginError and ModelError for what is
     wrong with the job, and OutputError where nothing can be written.
     """
 
-    def __init__(self, job: Job, row: str, resume: bool = False) -> None:
+    def __init__(
+        self, job: Job, row: str, resume: bool = False, others: Mapping[str, RowMap] = MappingProxyType({})
+    ) -> None:
         if is_url(job.output):
             raise OutputError(f"{job.output}: a live session writes all the time: give a folder of this machine")
         prepare(job.output)
-        self.job, self.row = job, row
+        self.job, self.row, self._others = job, row, others
         self.request: RowRequest = request_for(job, row)
         self._tells_scale = tells_scale(job.site, row, job.plugins)
         self.assistant = CaptureAssistant()
         self.latest: RowMap | None = None
         self._key = digest(live=job.site.model_dump(mode="json"), row=row)
-        self._journal = Journal(FolderCache(job.output, fresh=not resume).frames(row, self._key))
+        self._parts = FolderCache(job.output, fresh=not resume).frames(row, self._key)
+        self._journal = Journal(self._parts)
         self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
         self._stamps: list[float] = []
         self._measured: set[int] = set()
@@ -187,19 +191,25 @@ class LiveMapping:
         return self._journal.earlier[self.row]
 
     @property
+    def maps(self) -> Mapping[str, RowMap]:
+        """The latest provisional map of the row, once there is one, and those of rows that were filmed before."""
+        return self._others if self.latest is None else {**self._others, self.row: self.latest}
+
+    @property
     def measured(self) -> frozenset[int]:
         """The numbers of the frames in which something was measured."""
         return frozenset(self._measured)
 
-    def take(self, panorama: Panorama) -> LiveState:
-        """Take the next frame. Raises the error by which measuring failed."""
+    def take(self, panorama: Panorama, measures: bool = True) -> LiveState:
+        """Take the next frame, in which nothing is measured if there is no row to be seen in it. Raises the error by
+        which measuring failed."""
         if self._failure is not None:
             raise self._failure
         self._stamps.append(panorama.stamp_s)
         advice = self.assistant.take(panorama)
         if self._journal.has(self.row, panorama.frame):
             self._measured.add(panorama.frame)
-        else:
+        elif measures:
             self._frames.put(panorama)
         self._map_again()
         self._advice = [*advice, *self._further_advice()]
@@ -234,6 +244,10 @@ class LiveMapping:
         if self._mapper is not None:
             self._mapper.close()
         write_text(self.job.output / STATE, self.state("stopped").as_json())
+
+    def forget(self) -> None:
+        """Let what was measured be forgotten, once the session has ended."""
+        forget(self._parts)
 
     def __enter__(self) -> "LiveMapping":
         return self
@@ -279,7 +293,7 @@ class LiveMapping:
         self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
         self._follow_attitude(plan.attitude())
-        self._mapper = Mapper(self.job, self.row, self._key, live_plan)
+        self._mapper = Mapper(self.job, self.row, self._key, live_plan, self._others)
 
     def _follow_attitude(self, attitude: Floats | None) -> None:
         """Tell the assistant where the structure is, and how the camera leans."""

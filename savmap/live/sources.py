@@ -6,9 +6,12 @@ from pathlib import Path
 
 from savmap.errors import OutputError, SiteError
 from savmap.site.job import Job, job_for
-from savmap.site.model import Pass
+from savmap.site.model import Pass, Row
 from savmap.site.overrides import Override
+from savmap.split import find
+from savmap.split.site_rows import rows_of
 from savmap.types import Panorama
+from savmap.types.progress import Monitor
 from savmap.video.clip import Clip, is_folder
 from savmap.video.reader import panoramas
 from savmap.video.streams import camera_frames, growing_folder, paced
@@ -24,6 +27,25 @@ class LiveJob:
     row: str
     walked: Job
     recorded: Job
+
+    def renamed(self, name: str) -> Job:
+        """The job that is filmed, with this name for its row."""
+        rows = {name: self.walked.site.rows[self.row]}
+        return replace(self.walked, site=self.walked.site.model_copy(update={"rows": rows}))
+
+    def with_rows_found(self, monitor: Monitor) -> Job:
+        """The recorded job with a row for each side of each pass that `savmap split` finds in the recordings, in place
+        of the one that was filmed; what the site file says of that row alone is left out.
+
+        Raises StructureError where a recording shows no pass, VideoError where it is a folder of pictures.
+        """
+        rows = dict[str, Row]()
+        count = 1
+        for recorded in self.recorded.site.rows[self.row].passes:
+            passes = find(recorded.video, monitor=monitor).passes
+            rows |= rows_of(passes, recorded, count)
+            count += len(passes)
+        return replace(self.recorded, site=self.recorded.site.model_copy(update={"rows": rows}))
 
     @property
     def clip(self) -> Clip:

@@ -12,6 +12,7 @@ from ruamel.yaml.nodes import CollectionNode, MappingNode, Node
 from savmap.errors import OutputError, SiteError, visible
 from savmap.files.atomic import read_text, write_text
 from savmap.site.load import load_site
+from savmap.site.model import Pass, Row
 from savmap.split.contact_sheet import clock
 from savmap.split.records import DetectedPass
 
@@ -67,6 +68,22 @@ def add_to_site(passes: Sequence[DetectedPass], video: Path, path: Path) -> None
     )
 
 
+def rows_of(passes: Sequence[DetectedPass], recorded: Pass, first: int = 1) -> dict[str, Row]:
+    """The rows that `new_site` writes, for a site that is mapped at once: `recorded` is the whole recording as a pass,
+    `first` the first pass's number."""
+    return {
+        _name(number, side): Row(
+            passes=(recorded.model_copy(update={"start_s": detected.start_s, "end_s": detected.end_s, "side": side}),)
+        )
+        for number, detected in enumerate(passes, start=first)
+        for side in detected.sides
+    }
+
+
+def _name(number: int, side: str) -> str:
+    return f"{_STEM}-{number}-{side}"
+
+
 def _after(text: str, node: Node) -> int:
     """The index in the text at which the line after a node begins."""
     while isinstance(node, CollectionNode) and node.value and not node.flow_style:
@@ -91,7 +108,7 @@ def _rows(passes: Sequence[DetectedPass], video: str, first: int, indent: str) -
         lines.append(f"# pass {number}: {span}, {heading}, confidence {detected.confidence:.2f}")
         for side in detected.sides:
             lines += [
-                f"{_STEM}-{number}-{side}:",
+                f"{_name(number, side)}:",
                 "  passes:",
                 f"    - video: {json.dumps(video, ensure_ascii=False)}",
                 f"      start_s: {detected.start_s:.2f}",

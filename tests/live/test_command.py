@@ -1,6 +1,7 @@
 """The command `savmap live`: what ends the walk, and what is mapped then."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ class FakeMapping:
     """Counts frames, and measures nothing."""
 
     def __init__(self, *_: object) -> None:
-        self.resumed, self.count = 0, 0
+        self.resumed, self.count, self.row = 0, 0, "1"
 
     def take(self, panorama: Panorama) -> LiveState:
         self.count += 1
@@ -45,6 +46,7 @@ def job(tmp_path: Path) -> LiveJob:
 def mapped(monkeypatch: pytest.MonkeyPatch) -> list[Job]:
     jobs: list[Job] = []
     monkeypatch.setattr(live, "LiveMapping", FakeMapping)
+    monkeypatch.setattr(live, "LiveRows", FakeMapping)
     monkeypatch.setattr(live, "map_and_print", jobs.append)
     return jobs
 
@@ -70,3 +72,14 @@ def test_a_source_that_never_began_is_an_error(job: LiveJob, mapped: list[Job]) 
     with pytest.raises(VideoError, match="cannot be opened"):
         live.walk_and_print(job, frames(0, VideoError("/dev/video9: cannot be opened")), False)
     assert mapped == []
+
+
+def test_the_rows_that_are_found_are_mapped(
+    job: LiveJob, mapped: list[Job], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    rows = dict.fromkeys(("pass-1-left", "pass-2-right"), job.recorded.site.rows["1"])
+    several = replace(job.recorded, site=job.recorded.site.model_copy(update={"rows": rows}))
+    monkeypatch.setattr(LiveJob, "with_rows_found", lambda *_: several)
+    live.walk_and_print(job, frames(3), False, splits=True)
+    assert mapped == [several]
+    assert "rows that were filmed: pass-1-left, pass-2-right" in capsys.readouterr().err

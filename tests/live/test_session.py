@@ -18,8 +18,10 @@ from pydantic import BaseModel, ConfigDict
 import savmap
 from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
 from savmap.files.journal import Journal, TemporaryParts
+from savmap.files.serialization import packed
 from savmap.files.urls import where
-from savmap.live import mapper, session
+from savmap.jobs.cache_keys import measurement_key, strips_key
+from savmap.live import mapper, session, sources
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps, ReadOnlyParts
 from savmap.live.session import STATE, LiveMapping
 from savmap.live.sources import live_job, recorded_job, recordings
@@ -27,14 +29,21 @@ from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.records import FrameRecord
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.site.job import Job
+from savmap.site.job import Job, job_for
+from savmap.split import DetectedPass, SplitResult
+from savmap.split.site_rows import new_site
 from savmap.types import Detection, Feature, FrameTable, Panorama, RowMap, Trajectory, View, ViewPlan, ViewSpec
+from savmap.types.progress import SilentMonitor
 
 from ..plugin.made_up_plugin import plugin_class
 from ..video.made_up_video import evenly, picture, write_video
 
 LAMPS = Path(__file__).parents[2] / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
 AHEAD = ViewSpec("ahead", 10.0, width=96, height=64)
+PASSES = (
+    DetectedPass(0.5, 6.25, 0.0, 9.0, ("left", "right"), 0.9, 0.0),
+    DetectedPass(9.0, 15.5, 180.0, 9.0, ("right",), 0.9, 0.0),
+)
 MAPPED = RowMap("1", FrameTable(np.zeros(0), ()), {}, Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4))), {}, ())
 
 
@@ -251,7 +260,7 @@ def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -
 
 
 def test_an_interrupt_is_left_to_the_process_that_walks(job: Job) -> None:
-    maps = Mapper(job, "1", "key", LivePlan({}, {}))
+    maps = Mapper(job, "1", "key", LivePlan({}, {}), {})
     try:
         assert maps._process.pid is not None
         for _ in range(5):  # also while it still begins
@@ -270,7 +279,7 @@ def test_a_hook_that_is_stuck_ends_the_process_that_maps(job: Job) -> None:
     other.close()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mapper, "limit_hooks", limits.append)
-        mapper._serve(line, limited, "1", "key", LivePlan({}, {}))
+        mapper._serve(line, limited, "1", "key", LivePlan({}, {}), packed({}))
     assert limits == [7.0]
 
 
@@ -280,7 +289,7 @@ def test_a_long_row_is_mapped_from_evenly_chosen_frames(monkeypatch: pytest.Monk
     with Journal() as journal:
         for number in range(10):
             journal.add("1", number, FrameRecord({}))
-        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}, {}))
+        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}, {}), {})
         maps._journal = journal
         monkeypatch.setattr(journal, "get", lambda kind, row, number: read.append(number) or FrameRecord({}))
         assert sorted(maps._read(frozenset({0, 1, 11}))) == [0, 1]
@@ -316,6 +325,29 @@ def test_one_row_of_one_pass_is_filmed(tmp_path: Path) -> None:
     job = recorded_job(site, None, tmp_path / "out")
     assert job.clip.path == tmp_path / "out" / "recording.mkv"
     assert len(job.recorded.site.rows["A"].passes) == 1
+
+
+def test_rows_of_a_recording_are_those_of_split(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sources, "find", lambda *_, **__: SplitResult(PASSES, np.zeros(0), np.zeros(0)))
+    video = write_video(tmp_path / "a.mp4", evenly(200, 10))
+    found = live_job(video, ["shelves"], tmp_path / "out", None, 2.0).with_rows_found(SilentMonitor())
+    new_site(PASSES, video, tmp_path / "rows.yaml")
+    text = (tmp_path / "rows.yaml").read_text()
+    (tmp_path / "rows.yaml").write_text(text + "references: {camera_height_m: {value: 2.0}}\n")
+    split = job_for(tmp_path / "rows.yaml", ["shelves"], tmp_path / "out")
+    assert list(found.site.rows) == ["pass-1-left", "pass-1-right", "pass-2-right"]
+    assert found.site == split.site
+    assert strips_key(found, measurement_key(found, "pass-2-right")) == strips_key(
+        split, measurement_key(split, "pass-2-right")
+    )
+
+
+def test_each_recording_is_split(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sources, "find", lambda *_, **__: SplitResult(PASSES[1:], np.zeros(0), np.zeros(0)))
+    write_video(tmp_path / "recording.mkv", evenly(200, 10))
+    job = recorded_job(None, ["shelves"], tmp_path, resume=True, side="left").with_rows_found(SilentMonitor())
+    videos = {name: row.passes[0].video.name for name, row in job.site.rows.items()}
+    assert videos == {"pass-1-right": "recording.mkv", "pass-2-right": "recording-2.mkv"}
 
 
 def test_recordings_are_never_written_over(tmp_path: Path) -> None:

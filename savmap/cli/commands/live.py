@@ -25,6 +25,10 @@ def live(
     pace: Annotated[float, typer.Option(min=0, help="How fast a file is played; 0: as fast as it can be read.")] = 1.0,
     idle: Annotated[float, typer.Option(min=0.1, help="A folder is complete when nothing came for so long, s.")] = 10.0,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what an earlier session measured.")] = False,
+    split: Annotated[
+        bool,
+        typer.Option("--split", help="Several aisles: find the rows in the recording at the end, as `split` does."),
+    ] = False,
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     sets: Sets = None,
@@ -41,4 +45,4 @@ def live(
         job = recorded_job(source, names, output, row, resume, camera_height, side, overrides)
     else:
         job = live_job(source or Path("site.yaml"), names, output, row, camera_height, side, overrides)
-    walk_and_print(job, frames_of(job.clip, camera, pace, idle), resume and camera is None)
+    walk_and_print(job, frames_of(job.clip, camera, pace, idle), resume and camera is None, split)
