@@ -18,8 +18,8 @@ ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "": "  "}
 
 def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool, splits: bool = False) -> None:
     """Map a row while its frames come, then all that was recorded; `splits`: each aisle as a row, then the rows that
-    are found in the recording. The advice of each moment goes to standard error, when it changes. An interrupt, or a source that is lost, ends the walk, and
-    what was recorded is mapped."""
+    are found in the recording. The advice of each moment goes to standard error, when it changes. An interrupt, or a
+    source that is lost, ends the walk, and what was recorded is mapped."""
     prepare(job.walked.output)
     with locked(job.walked.output), _begun(job, resume, splits) as live:
         said, maps = "", 0

@@ -11,6 +11,7 @@ from types import TracebackType
 
 import numpy as np
 
+from savmap.errors import VideoError
 from savmap.live.session import LiveMapping, LiveState
 from savmap.live.sources import LiveJob
 from savmap.pipeline.drive import numbered
@@ -19,6 +20,7 @@ from savmap.split.find import DEFAULTS
 from savmap.split.passes import find_passes
 from savmap.split.straights import headings
 from savmap.types import Panorama, RowMap
+from savmap.video.clip import is_folder
 from savmap.video.motion import FramePair, Motion, motion_of, small_grey
 
 RECENT = 120
@@ -62,9 +64,14 @@ class AisleWatch:
 
 
 class LiveRows:
-    """A walk through several aisles, each of which is mapped as a row by a `LiveMapping`, called "1", "2" and so on."""
+    """A walk through several aisles, each of which is mapped as a row by a `LiveMapping`, called "1", "2" and so on.
+
+    Raises VideoError for a folder of pictures, which `savmap split` does not take, else as `LiveMapping` does.
+    """
 
     def __init__(self, job: LiveJob) -> None:
+        if is_folder(job.clip.path):
+            raise VideoError(f"{job.clip.path}: is a folder of pictures; --split takes a video or a camera")
         self._job, self._watch = job, AisleWatch()
         self._number, self._first, self._maps, self._begun_s = 1, 0, 0, np.nan
         self._live = self._mapping({})

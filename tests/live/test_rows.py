@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from savmap.errors import VideoError
 from savmap.live import rows
 from savmap.live.rows import AisleWatch, LiveRows
 from savmap.live.session import LiveState
@@ -124,3 +125,10 @@ def test_each_aisle_is_a_row(job: LiveJob, monkeypatch: pytest.MonkeyPatch) -> N
     assert first.forgotten
     assert second.forgotten
     assert [states[19].frames, states[39].frames, states[39].footage_s, states[39].maps] == [20, 40, 3.9, 2]
+
+
+def test_a_folder_of_pictures_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "pictures").mkdir()
+    job = live_job(tmp_path / "pictures", ["shelves"], tmp_path / "out", None, 2.0)
+    with pytest.raises(VideoError, match="--split takes a video or a camera"):
+        LiveRows(job)
