@@ -165,8 +165,7 @@ def walk(site: Path, pace: float, folder: Path) -> Figures:
 
 def memory(clip: Path, minutes: int, folder: Path) -> Figures:
     """Footage of a clip, to and fro, handed to a session as fast as it takes it: memory of this process and of that which maps, MB."""
-    frames = [image for _, image in read(clip)[:HELD]]
-    images = [np.asarray(cv2.resize(image, (1024, 512), interpolation=cv2.INTER_AREA), np.uint8) for image in frames]
+    images = [smaller(image) for _, image in read(clip)[:HELD]]
     course = [*images, *images[-2:0:-1]]
     figures: dict[str, Mapping[str, float]] = {}
     with LiveSession(None, ["shelves"], output=folder, camera_height_m=3.055, side="left") as session:
@@ -178,6 +177,10 @@ def memory(clip: Path, minutes: int, folder: Path) -> Figures:
                 figures[f"after {(number + 1) // HOUR_FPS // 60} min"] = row
                 print(f"{(number + 1) // HOUR_FPS // 60} min: {row} {state.problem}", flush=True)
     return figures
+
+
+def smaller(image: Image) -> Image:
+    return np.asarray(cv2.resize(image, (1024, 512), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def resident_mb(pid: int) -> float:

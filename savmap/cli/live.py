@@ -1,34 +1,44 @@
 """What the command `live` does and prints."""
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 
 from savmap.cli.console import Console
 from savmap.cli.mapping import map_and_print
 from savmap.cli.speech import say
 from savmap.errors import VideoError
 from savmap.jobs.cache import locked
+from savmap.live.assistant import Advice
 from savmap.live.rows import LiveRows
 from savmap.live.session import LiveMapping, LiveState
 from savmap.live.sources import LiveJob
+from savmap.maps.exports.recordings import MapRecorder
 from savmap.site.job import Job, prepare
-from savmap.types import Panorama
+from savmap.types import Panorama, SiteMap
 
+RECORD = "live.mcap"
+LEVELS = {"good": 2, "attention": 3, "stop": 4}
+"""Levels of foxglove.Log: information, warning, error."""
 ARROWS = {"left": "<-", "right": "->", "back": "<<", "on": ">>", "": "  "}
 
 
-def walk_and_print(job: LiveJob, frames: Iterable[Panorama], resume: bool, splits: bool = False) -> None:
+def walk_and_print(
+    job: LiveJob, frames: Iterable[Panorama], resume: bool, splits: bool = False, records: bool = False
+) -> None:
     """Map a row while its frames come, then all that was recorded; `splits`: each aisle as a row, then the rows that
-    are found in the recording. The advice of each moment goes to standard error, when it changes. An interrupt, or a
-    source that is lost, ends the walk, and what was recorded is mapped."""
-    prepare(job.walked.output)
-    with locked(job.walked.output), _begun(job, resume, splits) as live:
-        said, maps = "", 0
+    are found in the recording. The advice of each moment goes to standard error, when it changes; `records`: also into
+    an MCAP file, with the maps. An interrupt, or a source that is lost, ends the walk, and what was recorded is
+    mapped."""
+    output = job.walked.output
+    prepare(output)
+    with locked(output), _begun(job, resume, splits) as live, ExitStack() as opened:
+        recorder = opened.enter_context(MapRecorder(output / RECORD, chunked=False)) if records else None
+        teller = _Teller(live, recorder)
         try:
             for panorama in frames:
-                state = live.take(panorama)
-                said, maps = _spoken(state, said), _mapped(state, live.row, maps)
+                teller.tell(live.take(panorama))
         except VideoError as error:
-            if not said:
+            if not teller.said:
                 raise
             say(f"{error}; mapping what was recorded", err=True)
         except KeyboardInterrupt:
@@ -52,22 +62,27 @@ def _with_rows_found(job: LiveJob) -> Job:
     return split
 
 
-def _spoken(state: LiveState, before: str) -> str:
-    """Say what to do, where that is something new; what was said last."""
-    first = state.advice[0] if state.advice else None
-    text = first.text if first is not None else "Walk on."
-    if text != before:
-        severity, arrow = (first.severity, first.arrow) if first is not None else ("good", "on")
-        say(f"{state.footage_s:6.1f} s  [{severity:9}] {ARROWS[arrow]} {text}", err=True)
-    return text
+class _Teller:
+    """Says what is new at each moment: what to do, and that there is a new map."""
 
+    def __init__(self, live: LiveRows | LiveMapping, recorder: MapRecorder | None) -> None:
+        self.live, self.recorder = live, recorder
+        self.said, self._maps = "", 0
 
-def _mapped(state: LiveState, row: str, maps: int) -> int:
-    """Say that there is a new map; how many there were."""
-    if state.maps > maps:
-        say(
-            f"{state.footage_s:6.1f} s  row {row}: {state.elements} elements from {state.mapped_frames} of "
-            f"{state.frames} frames, mapped in {state.map_s:.1f} s",
-            err=True,
-        )
-    return state.maps
+    def tell(self, state: LiveState) -> None:
+        """Say what is new in a state."""
+        first = state.advice[0] if state.advice else Advice("good", "good", "Walk on.", "on")
+        if first.text != self.said:
+            self.said = first.text
+            say(f"{state.footage_s:6.1f} s  [{first.severity:9}] {ARROWS[first.arrow]} {first.text}", err=True)
+            if self.recorder is not None:
+                self.recorder.say(first.text, LEVELS[first.severity], state.footage_s)
+        if state.maps > self._maps:
+            self._maps = state.maps
+            say(
+                f"{state.footage_s:6.1f} s  row {self.live.row}: {state.elements} elements from {state.mapped_frames} "
+                f"of {state.frames} frames, mapped in {state.map_s:.1f} s",
+                err=True,
+            )
+            if self.recorder is not None:
+                self.recorder.add(SiteMap(dict(self.live.maps), {}), state.footage_s)

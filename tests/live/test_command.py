@@ -12,7 +12,7 @@ from savmap.errors import VideoError
 from savmap.live.session import LiveState
 from savmap.live.sources import LiveJob, live_job
 from savmap.site.job import Job
-from savmap.types import Panorama
+from savmap.types import Panorama, RowMap
 
 from ..video.made_up_video import evenly, picture, write_video
 
@@ -25,10 +25,11 @@ class FakeMapping:
 
     def take(self, panorama: Panorama) -> LiveState:
         self.count += 1
-        return self.state("walking")
+        return LiveState("walking", frames=self.count, maps=self.count // 3)
 
-    def state(self, status: str) -> LiveState:
-        return LiveState(status, frames=self.count)
+    @property
+    def maps(self) -> dict[str, RowMap]:
+        return {}
 
     def __enter__(self) -> "FakeMapping":
         return self
@@ -83,3 +84,13 @@ def test_the_rows_that_are_found_are_mapped(
     live.walk_and_print(job, frames(3), False, splits=True)
     assert mapped == [several]
     assert "rows that were filmed: pass-1-left, pass-2-right" in capsys.readouterr().err
+
+
+@pytest.mark.extra("ros")
+def test_maps_and_advice_are_recorded(job: LiveJob, mapped: list[Job]) -> None:
+    from mcap.reader import make_reader
+
+    live.walk_and_print(job, frames(3), False, records=True)
+    with (job.walked.output / "live.mcap").open("rb") as stream:
+        topics = [channel.topic for _, channel, _ in make_reader(stream).iter_messages()]
+    assert topics == ["/advice", "/map"]

@@ -29,6 +29,9 @@ def live(
         bool,
         typer.Option("--split", help="Several aisles: find the rows in the recording at the end, as `split` does."),
     ] = False,
+    mcap: Annotated[
+        bool, typer.Option("--mcap", help="Write maps and advice into live.mcap, for Foxglove. Needs the extra `ros`.")
+    ] = False,
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
     sets: Sets = None,
@@ -45,4 +48,4 @@ def live(
         job = recorded_job(source, names, output, row, resume, camera_height, side, overrides)
     else:
         job = live_job(source or Path("site.yaml"), names, output, row, camera_height, side, overrides)
-    walk_and_print(job, frames_of(job.clip, camera, pace, idle), resume and camera is None, split)
+    walk_and_print(job, frames_of(job.clip, camera, pace, idle), resume and camera is None, split, mcap)

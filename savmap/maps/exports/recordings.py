@@ -1,15 +1,18 @@
 """Recordings for viewers of robots: MCAP with JSON messages of Foxglove's published schemas (foxglove.SceneUpdate,
-foxglove.PosesInFrame), MCAP with messages of ROS 2, which `ros2 bag play` and RViz read without any program of
-savmap's, and rerun's recordings."""
+foxglove.PosesInFrame, foxglove.Log), MCAP with messages of ROS 2, which `ros2 bag play` and RViz read without any
+program of savmap's, and rerun's recordings."""
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from scipy.spatial.transform import Rotation
 
-from savmap.errors import visible
+from savmap.errors import OutputError, visible
+from savmap.files.atomic import reason
 from savmap.maps.exports import require_library
 from savmap.maps.exports.frames import Element, elements
 from savmap.maps.exports.marks import bytes_of, colours, sigmas
@@ -20,7 +23,7 @@ FRAME = "map"
 """The frame's name in messages: that of ROS for a map."""
 NANO = 1_000_000_000
 LINE_M, TEXT_M = 0.02, 0.1
-FOXGLOVE_LINE_LIST = 2
+FOXGLOVE_LINE_LIST, FOXGLOVE_ALL = 2, 1
 ROS_LINE_LIST, ROS_TEXT = 5, 9
 NEVER = {"sec": 0, "nsec": 0}
 NO_TURN = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
@@ -34,6 +37,12 @@ SCHEMAS = {
         "timestamp": OBJECT,
         "frame_id": {"type": "string"},
         "poses": {"type": "array", "items": OBJECT},
+    },
+    "foxglove.Log": {
+        "timestamp": OBJECT,
+        "level": {"type": "integer"},
+        **{name: {"type": "string"} for name in ("message", "name", "file")},
+        "line": {"type": "integer"},
     },
 }
 BREAK = "\n" + 80 * "=" + "\n"
@@ -111,24 +120,69 @@ def _paint(colour: Colour) -> dict[str, float]:
 def write_mcap(site: SiteMap, path: Path) -> None:
     """MCAP with `/map` (an entity for each structure, its attributes and standard deviations as metadata) and, for each
     pass, `/drive/ROW/PASS`. Needs the extra `ros`."""
-    require_library("mcap", "ros")
-    from mcap.writer import Writer
+    with MapRecorder(path) as recorder:
+        recorder.add(site)
 
-    entities = [_entity(element, colour) for element, colour in _coloured(site)]
-    with path.open("wb") as stream:
-        writer = Writer(stream)
-        writer.start(profile="", library="savmap")
-        _send(writer, "/map", "foxglove.SceneUpdate", {"deletions": [], "entities": entities})
+
+class MapRecorder:
+    """An MCAP file that takes maps while they are made, each in place of the one before, and lines of text on `/advice`
+    (foxglove.Log). `chunked`: compressed; else what was added is in the file at once, also where the program is killed.
+    Needs the extra `ros`. Raises OutputError where it is missing, or the file cannot be written."""
+
+    def __init__(self, path: Path, chunked: bool = True) -> None:
+        require_library("mcap", "ros")
+        from mcap.writer import Writer
+
+        self.path, self._channels, self._has_map = path, dict[str, int](), False
+        with self._writing():
+            self._stream = path.open("wb")
+            self._writer = Writer(self._stream, use_chunking=chunked)
+            self._writer.start(profile="", library="savmap")
+
+    def add(self, site: SiteMap, stamp_s: float = 0.0) -> None:
+        """Add a map, of which this is the time."""
+        entities = [_entity(element, colour) for element, colour in _coloured(site)]
+        deletions = [{"timestamp": _stamp(stamp_s), "type": FOXGLOVE_ALL, "id": ""}] if self._has_map else []
+        self._has_map = True
+        self._send("/map", "foxglove.SceneUpdate", {"deletions": deletions, "entities": entities}, stamp_s)
         for frames in passes(site):
-            _send(writer, f"/drive/{frames.folder}", "foxglove.PosesInFrame", _poses(frames))
-        writer.finish()
+            self._send(f"/drive/{frames.folder}", "foxglove.PosesInFrame", _poses(frames), stamp_s)
+
+    def say(self, text: str, level: int, stamp_s: float) -> None:
+        """Add a line of a level from 1, debug, to 5, fatal."""
+        line = {"timestamp": _stamp(stamp_s), "level": level, "message": text, "name": "savmap", "file": "", "line": 0}
+        self._send("/advice", "foxglove.Log", line, stamp_s)
+
+    def __enter__(self) -> "MapRecorder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._writing(), self._stream:
+            self._writer.finish()
+
+    def _send(self, topic: str, schema: str, message: object, stamp_s: float) -> None:
+        with self._writing():
+            if topic not in self._channels:
+                shape = {"title": schema, "type": "object", "properties": SCHEMAS[schema]}
+                number = self._writer.register_schema(schema, "jsonschema", json.dumps(shape).encode())
+                self._channels[topic] = self._writer.register_channel(topic, "json", number)
+            time_ns = round(NANO * stamp_s)
+            self._writer.add_message(self._channels[topic], time_ns, json.dumps(message).encode(), time_ns)
+            self._stream.flush()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise OutputError(f"{self.path}: cannot be written ({reason(error)})") from error
 
 
-def _send(writer: Any, topic: str, schema: str, message: object) -> None:
-    shape = {"title": schema, "type": "object", "properties": SCHEMAS[schema]}
-    number = writer.register_schema(schema, "jsonschema", json.dumps(shape).encode())
-    channel = writer.register_channel(topic, "json", number)
-    writer.add_message(channel, 0, json.dumps(message).encode(), 0)
+def _stamp(stamp_s: float) -> dict[str, int]:
+    nanoseconds = round(NANO * stamp_s)
+    return {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}
 
 
 def _entity(element: Element, colour: Colour) -> dict[str, Any]:
@@ -170,8 +224,7 @@ def _poses(frames: PassFrames) -> dict[str, Any]:
         {"position": _point(place), "orientation": dict(zip("xyzw", turn, strict=True))}
         for place, turn in zip(frames.world_from_rig[:, :3, 3], quaternions.tolist(), strict=True)
     ]
-    first = round(NANO * float(frames.stamps_s[0]))
-    return {"timestamp": {"sec": first // NANO, "nsec": first % NANO}, "frame_id": FRAME, "poses": poses}
+    return {"timestamp": _stamp(float(frames.stamps_s[0])), "frame_id": FRAME, "poses": poses}
 
 
 def write_rosbag2(site: SiteMap, path: Path) -> None:

@@ -6,6 +6,8 @@ import stat
 import subprocess
 import sys
 import zipfile
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from savmap.errors import OutputError
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.jobs.api import export
 from savmap.maps.exports.frames import world_from_site
+from savmap.maps.exports.recordings import MapRecorder
 from savmap.types import Floats, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 HOSTILE = '"\n</script>\u202e\\../x 日本'
@@ -151,6 +154,33 @@ def test_mcap_holds_foxgloves_messages(tmp_path: Path) -> None:
     assert (metadata["row"], metadata["sigma of b, mm"]) == ("A", "2.0 2.0 2.0")
     drive = next(message for _, topic, message in found if topic == "/drive/A/back")
     assert [pose["position"]["z"] for pose in drive["poses"]] == [3.0, 3.0]
+
+
+@pytest.mark.extra("ros")
+def test_a_recorder_replaces_maps_and_is_read_without_its_end(tmp_path: Path) -> None:
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    site = SiteMap({"A": row("A")}, {})
+    with MapRecorder(tmp_path / "a.mcap", chunked=False) as recorder:
+        recorder.say("Walk more slowly.", 3, 0.5)
+        recorder.add(site, 1.0)
+        recorder.add(site, 2.0)
+        content = (tmp_path / "a.mcap").read_bytes()  # as a program leaves it that is killed now
+    messages = []
+    with suppress(EndOfFile):
+        messages += (record for record in StreamReader(BytesIO(content)).records if isinstance(record, Message))
+    assert [message.log_time for message in messages] == [500_000_000, *[1_000_000_000] * 3, *[2_000_000_000] * 3]
+    advice, first, *_, second, _, _ = [json.loads(message.data) for message in messages]
+    assert (advice["message"], advice["level"]) == ("Walk more slowly.", 3)
+    assert (first["deletions"], [deletion["type"] for deletion in second["deletions"]]) == ([], [1])
+
+
+@pytest.mark.extra("ros")
+def test_a_recorder_without_room_says_so(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"a\.mcap: cannot be written \(no such file or directory"):
+        MapRecorder(tmp_path / "none" / "a.mcap")
 
 
 @pytest.mark.extra("ros")
