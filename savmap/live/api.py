@@ -29,7 +29,8 @@ class LiveSession:
     site: a site file, of whose row the references and settings are taken; None: a row named "1" of which no more is
     given than `camera_height_m` and `side`. output: the folder that is written into. row: of the site file; default its
     first. plugins, overrides: as of `map_site`. split: several aisles are filmed, and `finish` maps the rows that
-    `savmap split` finds in the recording. resume: film on where an earlier session in this folder ended; both
+    `savmap split` finds in the recording. against: an earlier map, or its folder, in which the pass is recognised, and
+    which it updates. resume: film on where an earlier session in this folder ended; both
     recordings are mapped in the end.
 
         with savmap.LiveSession("site.yaml", output="out") as session:
@@ -51,12 +52,14 @@ class LiveSession:
         side: str | None = None,
         resume: bool = False,
         split: bool = False,
+        against: PathLike | None = None,
         overrides: Sequence[str] = (),
     ) -> None:
         folder, keys = where(output), overrides_of(list(overrides), {})
         source = where(site) if site is not None else None
         self._splits = split
         self._job = recorded_job(source, plugins, folder, row, resume, camera_height_m, side, keys)
+        self._job = self._job if against is None else self._job.coming_back(where(against))
         prepare(folder)
         self._mapping = LiveRows(self._job) if split else LiveMapping(self._job.walked, self._job.row)
         self._recorder = FrameRecorder(self._job.clip.path)

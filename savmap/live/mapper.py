@@ -186,10 +186,10 @@ class ProvisionalMaps:
         begun, measured = time.monotonic(), len(asked.measured)
         try:
             mapped = self._mapped(asked)
-            site_map = SiteMap({**self.others, self.row: mapped}, made_by(self.job))
+            site_map = SiteMap({**self.others, mapped.name: mapped}, made_by(self.job))
             end_if_left()  # another session may go on in the folder
             write_map(site_map, self.job.output / MAP)
-            write_view(View(site_map, None, f"{self.row} (provisional)"), self.job.output / VIEW)
+            write_view(View(site_map, None, f"{mapped.name} (provisional)"), self.job.output / VIEW)
         except SavmapError as error:
             unseen = isinstance(error, StructureError)
             return MapReply(None, str(error), measured, time.monotonic() - begun, unseen)

@@ -164,7 +164,7 @@ class LiveMapping:
         prepare(job.output)
         self.job, self.row, self._others = job, row, others
         self.request: RowRequest = request_for(job, row)
-        self._tells_scale = tells_scale(job.site, row, job.plugins)
+        self._tells_scale = job.against is not None or tells_scale(job.site, row, job.plugins)
         self.assistant = CaptureAssistant()
         self.latest: RowMap | None = None
         self._key = digest(live=job.site.model_dump(mode="json"), row=row)
@@ -193,7 +193,7 @@ class LiveMapping:
     @property
     def maps(self) -> Mapping[str, RowMap]:
         """The latest provisional map of the row, once there is one, and those of rows that were filmed before."""
-        return self._others if self.latest is None else {**self._others, self.row: self.latest}
+        return self._others if self.latest is None else {**self._others, self.latest.name: self.latest}
 
     @property
     def measured(self) -> frozenset[int]:
@@ -351,9 +351,10 @@ class LiveMapping:
             advice.append(Advice("no-scale", "attention", text))
         is_sure = self._walk is None or self._reply.frames >= SURE_UNSEEN
         if self._reply.is_unseen and is_sure and not self._maps:
-            advice.append(
-                Advice("not-seen", "attention", f"Nothing is seen that can be mapped: {self._reply.problem}.")
-            )
+            text = f"Nothing is seen that can be mapped: {self._reply.problem}."
+            if self.job.against is not None and self._walk is not None:
+                text = f"Not recognised in the earlier map: {self._reply.problem}."
+            advice.append(Advice("not-seen", "attention", text))
         if self.latest is not None and len(self.latest.trajectory.frames):
             advice += advice_of_map(self.latest, self.latest.trajectory.world_from_rig[-1, :3, 3])
         if self._lag_s() > LAG_S:

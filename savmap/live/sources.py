@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from savmap.errors import OutputError, SiteError
+from savmap.maps.map_file import map_in
 from savmap.site.job import Job, job_for
 from savmap.site.model import Pass, Row
 from savmap.site.overrides import Override
+from savmap.site.preflight import earlier_map
 from savmap.split import find
 from savmap.split.site_rows import rows_of
 from savmap.types import Panorama
@@ -27,6 +29,17 @@ class LiveJob:
     row: str
     walked: Job
     recorded: Job
+
+    def coming_back(self, against: Path, row: str | None = None) -> "LiveJob":
+        """The same session along a row that an earlier map has, which it updates; `row`: which one, where that is known.
+
+        Raises SiteError for a map that is none, lacks the row, or lies in the session's folder.
+        """
+        mapped = map_in(against)
+        job = replace(self.recorded, against=mapped, against_row=row)
+        for problem in earlier_map(job):
+            raise problem
+        return replace(self, walked=replace(self.walked, against=mapped, against_row=row), recorded=job)
 
     def renamed(self, name: str) -> Job:
         """The job that is filmed, with this name for its row."""

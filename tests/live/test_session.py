@@ -25,6 +25,7 @@ from savmap.live import mapper, session, sources
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps, ReadOnlyParts
 from savmap.live.session import STATE, LiveMapping
 from savmap.live.sources import live_job, recorded_job, recordings
+from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.records import FrameRecord
 from savmap.pipeline.view_plans import PassPlan
@@ -32,7 +33,7 @@ from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.job import Job, job_for
 from savmap.split import DetectedPass, SplitResult
 from savmap.split.site_rows import new_site
-from savmap.types import Detection, Feature, FrameTable, Panorama, RowMap, Trajectory, View, ViewPlan, ViewSpec
+from savmap.types import Detection, Feature, FrameTable, Panorama, RowMap, SiteMap, Trajectory, View, ViewPlan, ViewSpec
 from savmap.types.progress import SilentMonitor
 
 from ..plugin.made_up_plugin import plugin_class
@@ -348,6 +349,22 @@ def test_each_recording_is_split(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     job = recorded_job(None, ["shelves"], tmp_path, resume=True, side="left").with_rows_found(SilentMonitor())
     videos = {name: row.passes[0].video.name for name, row in job.site.rows.items()}
     assert videos == {"pass-1-right": "recording.mkv", "pass-2-right": "recording-2.mkv"}
+
+
+def test_a_session_along_a_mapped_row(tmp_path: Path, plan: list[PassPlan]) -> None:
+    write_map(SiteMap({"A": replace(MAPPED, name="A")}, {}), tmp_path / "earlier" / "map.json")
+    video = write_video(tmp_path / "b.mp4", evenly(4, 10))
+    job = live_job(video, ["shelves"], tmp_path / "out").coming_back(tmp_path / "earlier", "A")
+    assert (job.walked.against, job.recorded.against_row) == (tmp_path / "earlier" / "map.json", "A")
+    with LiveMapping(job.walked, job.row) as live:
+        live._walk = RowWalk.__new__(RowWalk)
+        live._reply = MapReply(None, "it looks alike at two places", session.SURE_UNSEEN, 1.0, is_unseen=True)
+        (advice,) = live.take(panorama_after(0)).advice  # no reference is missing: the map tells the scale
+    assert advice.text == "Not recognised in the earlier map: it looks alike at two places."
+    with pytest.raises(SiteError, match="has no such row; it has A"):
+        live_job(video, ["shelves"], tmp_path / "out").coming_back(tmp_path / "earlier", "B")
+    with pytest.raises(SiteError, match="lies where this run writes its map"):
+        live_job(video, ["shelves"], tmp_path / "earlier").coming_back(tmp_path / "earlier")
 
 
 def test_recordings_are_never_written_over(tmp_path: Path) -> None:
