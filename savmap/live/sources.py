@@ -31,7 +31,7 @@ class LiveJob:
     recorded: Job
 
     def coming_back(self, against: Path, row: str | None = None) -> "LiveJob":
-        """The same session along a row that an earlier map has, which it updates; `row`: which one, where that is known.
+        """The same session along a row that an earlier map has, which it updates; `row`: which one, if that is known.
 
         Raises SiteError for a map that is none, lacks the row, or lies in the session's folder.
         """
