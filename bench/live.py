@@ -8,7 +8,7 @@
 - `walk`: a site's first row at the pace at which it was filmed: share of the frames that are measured at once, from a frame's coming to its
   measurement, from it to the first map, between maps; whether the map at the end has the bytes of `savmap map`'s.
 - `cuts`: sessions over six seconds of the demo are killed, find the disk full or lose their source at random moments; each time all files must be
-  whole, and a session that goes on to its end with `--resume` must give the map of `savmap map`, byte by byte. Use `--pace 0.3`.
+  whole, and a session that goes on to its end with `--resume` must give the map of `savmap map`, byte by byte. Use `--pace 0.15`.
 - `memory`: an hour of footage through `LiveSession`, as fast as it takes it: memory after each five minutes.
 - `rows`: a recording of two passes: the map of `savmap live --split` and that of `savmap split` and `savmap map`, byte by byte.
 """
