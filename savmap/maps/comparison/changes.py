@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr, stdtr
 
-from savmap.maps.comparison.elements import Coverage, Elements, measured, sides
+from savmap.maps.comparison.elements import LEAN, Coverage, Elements, measured, sides
 from savmap.maps.comparison.motion import LEAST_SCALE, SCALE, Equations, Fit, Pairs
 from savmap.maps.comparison.records import Difference, ElementChange, ScaleDifference, State
-from savmap.types import Floats, JointCovariance, RowMap, Structure
+from savmap.types import Floats, JointCovariance, Measured, RowMap, Structure
 
 AXES = ("x", "y", "z")
 LEAST_P = 1e-12
@@ -45,11 +45,12 @@ def pairs_compared(
         before, after = old.structures[i], new.structures[j]
         differences = [_difference(fit, k, (old, i), (new, j), carried[i]) for k in tests.get(number, [])]
         if not sizes_only:
-            differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j])]
+            differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j]), *_lean(before, after)]
         p = min((difference.p for difference in differences), default=1.0)
         plugin, label = new.kinds[new.groups[j]]
         text = new.texts[j] or old.texts[i]
-        yield ElementChange(plugin, label, "same", before.id, after.id, text, new.middles[j], tuple(differences), p)
+        texts, place, is_post = (before.id, after.id, text), new.middles[j], not sizes_only and new.is_post(j)
+        yield ElementChange(plugin, label, "same", *texts, place, tuple(differences), p, is_post)
 
 
 def _difference(fit: Fit, k: int, old: tuple[Elements, int], new: tuple[Elements, int], carried: Floats) -> Difference:
@@ -87,10 +88,20 @@ def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[D
     earlier = measured(before)
     for name, (value, sigma) in measured(after).items():
         if name in earlier and not (np.abs(size - value) < 1e-3).any():
-            old, old_sigma = earlier[name]
-            both = float(np.hypot(sigma, old_sigma))
-            p = 2 * float(ndtr(-abs(value - old) / both))
-            yield Difference(name, old, value, max(p, LEAST_P), value - old, both)
+            yield _tested(name, Measured(*earlier[name]), Measured(value, sigma))
+
+
+def _lean(before: Structure, after: Structure) -> Iterator[Difference]:
+    """How far both lean, where both maps know it."""
+    old, new = before.attributes.get(LEAN), after.attributes.get(LEAN)
+    if isinstance(old, Measured) and isinstance(new, Measured) and old.sigma + new.sigma > 0:
+        yield _tested(LEAN, old, new)
+
+
+def _tested(name: str, old: Measured, new: Measured) -> Difference:
+    """A figure on both dates, whose errors are normal and independent."""
+    by, sigma = new.value - old.value, float(np.hypot(old.sigma, new.sigma))
+    return Difference(name, old.value, new.value, max(2 * float(ndtr(-abs(by) / sigma)), LEAST_P), by, sigma)
 
 
 def unpaired(
@@ -118,11 +129,16 @@ def with_states(rows: Sequence[Sequence[ElementChange]], level: float) -> list[t
                     test = number, figure.what, *(round(edge / EQUAL_M) for edge in figure.edges)
                 chances[test] = min(figure.p, chances.get(test, 1.0))
     limit = accepted(list(chances.values()), level)
-    return [tuple(_with_state(change, limit) for change in row) for row in rows]
+    shares = chance_shares(list(chances.values()))
+    return [tuple(_with_state(change, limit, shares) for change in row) for row in rows]
 
 
-def _with_state(change: ElementChange, limit: float) -> ElementChange:
-    marked = tuple(replace(difference, significant=difference.p <= limit) for difference in change.differences)
+def _with_state(change: ElementChange, limit: float, shares: tuple[Floats, Floats]) -> ElementChange:
+    numbers = np.searchsorted(shares[0], [figure.p for figure in change.differences]).tolist()
+    marked = tuple(
+        replace(figure, significant=figure.p <= limit, q=float(shares[1][number]))
+        for figure, number in zip(change.differences, numbers, strict=True)
+    )
     significant = [difference.what for difference in marked if difference.significant]
     state: State = "changed" if significant else change.state
     return replace(change, differences=marked, state="moved" if set(significant) & set(AXES) else state)
@@ -133,6 +149,15 @@ def accepted(chances: Sequence[float], level: float) -> float:
     ordered = np.sort(np.array(chances, dtype=np.float64))
     below = ordered <= level * np.arange(1, len(ordered) + 1) / max(len(ordered), 1)
     return float(ordered[below][-1]) if below.any() else -1.0
+
+
+def chance_shares(chances: Sequence[float]) -> tuple[Floats, Floats]:
+    """The p (n + 1,), rising to 1, and for each the false discovery rate (n + 1,) at which it is just significant
+    (Benjamini and Hochberg's adjusted p)."""
+    ordered = np.sort(np.array([*chances, 1.0], dtype=np.float64))
+    adjusted = ordered * max(len(chances), 1) / np.arange(1, len(ordered) + 1)
+    least = np.minimum.accumulate(adjusted[::-1])[::-1]
+    return ordered, np.minimum(least, 1.0)
 
 
 def scale_differences(

@@ -13,6 +13,10 @@ from savmap.types import Bools, Floats, Ints, Measured, RowMap, Structure, array
 LEAST_REACH_M, REACH_SHARE = 0.5, 0.5
 """How far beyond its places a camera is taken to see an element whole: as a share of its distance from the face."""
 SAME_SIZE_M = 0.002
+LEAN = "lean_permille"
+"""The attribute of what should stand upright: how far it leans along the row, mm in 1 m, with a standard deviation."""
+FOOT_M, SLENDER = 0.3, 3.0
+"""What begins no higher, and is so many times as high as wide, is a post that a truck may hit."""
 SURE = 0.999
 """No text counts as read with more certainty than this."""
 
@@ -36,6 +40,11 @@ class Elements:
 
     def __len__(self) -> int:
         return len(self.structures)
+
+    def is_post(self, k: int) -> bool:
+        """Whether an element stands on the floor and is slender."""
+        width, height, depth = self.sizes[k].tolist()
+        return bool(self.middles[k, 1] - height / 2 <= FOOT_M and height >= SLENDER * max(width, depth))
 
     @property
     def plugins(self) -> NDArray[np.object_]:

@@ -5,11 +5,14 @@ from typing import Literal
 
 import numpy as np
 
+from savmap.maps.comparison.elements import LEAN
 from savmap.types import Floats, array_record
 
 State = Literal["same", "moved", "changed", "new", "missing", "not seen"]
 """`moved`: its middle is elsewhere. `changed`: its size, its text or another of its figures is another. `not seen`: one
 map has it, and the other's camera did not pass there, or its plugin was not asked."""
+HIT = ("x", "z", LEAN)
+"""Figures of a post that change where something hits it."""
 CHANGES: tuple[State, ...] = ("moved", "changed", "new", "missing")
 
 
@@ -17,12 +20,13 @@ CHANGES: tuple[State, ...] = ("moved", "changed", "new", "missing")
 class Difference:
     """A figure of an element on both dates.
 
-    `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres, or
-    texts; an old place stands in the new row's frame, scaled as the row is. `difference_m` is new less old without what
-    all elements of a kind have in common; `sigma_m` is its standard deviation, and `p` the chance of at least as much
-    where nothing changed. Texts have neither difference nor sigma. `edges`: along its axis, where the two edges that
-    make a place or a size lie in the old map and in the new one, m, each in its own frame; figures of which these are
-    equal are one measurement.
+    `what`: "x", "y" or "z" of its middle, "size x" (or y, z), or an attribute's name. `old` and `new` are metres (a
+    lean's mm in 1 m, as its difference and sigma are), or texts; an old place stands in the new row's frame, scaled as
+    the row is. `difference_m` is new less old without what all elements of a kind have in common; `sigma_m` is its
+    standard deviation, and `p` the chance of at least as much where nothing changed. Texts have neither difference nor
+    sigma. `edges`: along its axis, where the two edges that make a place or a size lie in the old map and in the new
+    one, m, each in its own frame; figures of which these are equal are one measurement. `q`: the share of chance among
+    all figures at least as unlikely.
     """
 
     what: str
@@ -33,6 +37,7 @@ class Difference:
     sigma_m: float | None = None
     significant: bool = False
     edges: tuple[float, ...] = ()
+    q: float = 1.0
 
     @property
     def sigmas(self) -> float:
@@ -44,7 +49,8 @@ class Difference:
 @array_record
 class ElementChange:
     """An element of a row on both dates: its ids (None: that map has none), the text on it, the middle (3,) m in the
-    new row's frame, and the figures that were tested. `p` is the least of theirs."""
+    new row's frame, and the figures that were tested. `p` is the least of theirs. `is_post`: it is slender and stands
+    on the floor."""
 
     plugin: str
     label: str
@@ -55,6 +61,14 @@ class ElementChange:
     position_m: Floats
     differences: tuple[Difference, ...] = ()
     p: float = 1.0
+    is_post: bool = False
+
+    @property
+    def hit(self) -> float | None:
+        """The probability that a post was hit: it stands elsewhere on the floor, or leans otherwise, by more than
+        chance; None of what does not."""
+        figures = [figure.q for figure in self.significant if figure.what in HIT]
+        return 1 - min(figures) if self.is_post and figures else None
 
     @property
     def name(self) -> str:

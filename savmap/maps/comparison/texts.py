@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from savmap.files.texts import json_visible
+from savmap.maps.comparison.elements import LEAN
 from savmap.maps.comparison.records import (
     CHANGES,
     Comparison,
@@ -88,6 +89,7 @@ def _element(change: ElementChange) -> dict[str, Any]:
         "text": change.text,
         "position_m": _rounded(change.position_m),
         "p": _digits(change.p) if change.differences else None,
+        "hit": None if change.hit is None else round(change.hit, PLACE),
         "differences": list(map(_difference, change.differences)),
     }
 
@@ -95,7 +97,9 @@ def _element(change: ElementChange) -> dict[str, Any]:
 def _difference(difference: Difference) -> dict[str, Any]:
     entry: dict[str, Any] = {"what": difference.what, "old": _value(difference.old), "new": _value(difference.new)}
     if difference.difference_m is not None and difference.sigma_m is not None:
-        entry |= {"difference_m": round(difference.difference_m, 6), "sigma_m": round(difference.sigma_m, 6)}
+        unit = "permille" if difference.what == LEAN else "m"
+        entry |= {f"difference_{unit}": round(difference.difference_m, 6)}
+        entry |= {f"sigma_{unit}": round(difference.sigma_m, 6)}
     return {**entry, "p": _digits(difference.p), "significant": difference.significant}
 
 
@@ -209,12 +213,16 @@ def change_text(change: ElementChange) -> str:
     if change.state in CHANGES and not change.differences:
         x, y, _ = change.position_m.tolist()
         return f"at x {x:.2f} m, y {y:.2f} m"
-    return "; ".join(difference_text(difference) for difference in change.significant)
+    hit = "" if change.hit is None else f"hit since the last walk with probability {100 * change.hit:.1f} %: "
+    return hit + "; ".join(difference_text(difference) for difference in change.significant)
 
 
 def difference_text(difference: Difference) -> str:
     """A difference with its standard deviation and chance."""
     if difference.difference_m is None or difference.sigma_m is None:
         return f'{difference.what} "{difference.old}" is "{difference.new}"'
+    sure = f"{difference.sigmas:.1f} sigma, p {difference.p:.0e}"
+    if difference.what == LEAN:
+        return f"lean {difference.difference_m:+.1f} mm in 1 m (+- {difference.sigma_m:.1f}, {sure})"
     by, sigma = MM * difference.difference_m, MM * difference.sigma_m
-    return f"{difference.what} {by:+.0f} mm (+- {sigma:.1f} mm, {difference.sigmas:.1f} sigma, p {difference.p:.0e})"
+    return f"{difference.what} {by:+.0f} mm (+- {sigma:.1f} mm, {sure})"

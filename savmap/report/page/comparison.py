@@ -98,6 +98,8 @@ def _tiles(comparison: Comparison) -> list[tuple[str, str]]:
     tiles += [("rows of another scale", str(scaled))] if scaled else []
     for state in ("same", *CHANGES, "not seen"):
         tiles.append((state, str(sum(change.state == state for change in elements))))
+    hits = sum(change.hit is not None for change in elements)
+    tiles += [("posts hit since the last walk", str(hits))] if hits else []
     return [*tiles, ("openings changed", str(sum(change.state in CHANGES for change in openings)))]
 
 

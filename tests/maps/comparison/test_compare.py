@@ -19,9 +19,9 @@ from savmap.maps.comparison import (
     comparison_text,
     unsaid_text,
 )
-from savmap.maps.comparison.changes import accepted, with_states
+from savmap.maps.comparison.changes import accepted, chance_shares, with_states
 from savmap.maps.comparison.texts import motion_text
-from savmap.types import SiteMap, Structure
+from savmap.types import Measured, SiteMap, Structure
 
 BAYS = place.irregular()
 
@@ -236,6 +236,41 @@ def test_json_says_all_and_lines_say_what_changed() -> None:
     assert lines[3] == "  1 moved, 56 same"
 
 
+def leaning(site: SiteMap, leans: dict[str, float], by_m: dict[str, float] | None = None) -> SiteMap:
+    """The map with leans of posts, mm in 1 m, and some posts pushed along the row."""
+    row = site.rows["A"]
+    racks = tuple(
+        replace(
+            part,
+            attributes={**part.attributes, "lean_permille": Measured(leans.get(part.id, 0.5), 0.3)},
+            vertices=part.vertices + np.array([(by_m or {}).get(part.id, 0.0), 0, 0]),
+        )
+        if part.label == "post"
+        else part
+        for part in row.structures["racks"]
+    )
+    return replace(site, rows={"A": replace(row, structures={**row.structures, "racks": racks})})
+
+
+def test_posts_that_lean_or_stand_otherwise_were_hit() -> None:
+    old, new = place.mapped(BAYS, 1), place.mapped(place.moved_bar(BAYS, 3, 2, 0.05), 2)
+    found = compare_maps(leaning(old, {}), leaning(new, {"post 3": 6.0}, {"post 6": 0.03}))
+    hits = {one.name: one.hit for one in found.rows[0].elements if one.hit is not None}
+    assert hits.keys() == {"post 3", "post 6"}, "a bar that moved is no post"
+    assert min(hits.values()) > 0.99
+    assert [figure.what for figure in change(found, "post 3").significant] == ["lean_permille"]
+    lines = "\n".join(comparison_lines(found))
+    assert "hit since the last walk with probability 100.0 %: lean +5.5 mm in 1 m (+- 0.4" in lines
+    entry = next(one for one in as_json(found)["rows"][0]["elements"] if one["new"] == "post 3")
+    assert entry["hit"] > 0.99
+    assert next(one for one in entry["differences"] if one["what"] == "lean_permille")["difference_permille"] == 5.5
+
+
+def test_a_lean_that_only_one_map_has_says_nothing() -> None:
+    found = compare_maps(place.mapped(BAYS, 1), leaning(place.mapped(BAYS, 2), {"post 3": 6.0}))
+    assert all(one.hit is None for one in found.rows[0].elements)
+
+
 def test_json_holds_no_raw_control_character() -> None:
     hostile = "A03\N{RIGHT-TO-LEFT OVERRIDE}\x9b31m"
     bays = (*BAYS[:2], replace(BAYS[2], text=hostile), *BAYS[3:])
@@ -270,6 +305,12 @@ def test_benjamini_and_hochberg() -> None:
     assert accepted([0.01, 0.02, 0.03, 0.2], 0.05) == 0.03
     assert accepted([0.2], 0.05) == -1.0
     assert accepted([], 0.05) == -1.0
+
+
+def test_share_of_chance_is_the_level_from_which_on_a_figure_counts() -> None:
+    ordered, shares = chance_shares([0.01, 0.04, 0.03, 0.2])
+    assert ordered.tolist() == [0.01, 0.03, 0.04, 0.2, 1.0]
+    assert shares[:4].tolist() == pytest.approx([0.04, 0.16 / 3, 0.16 / 3, 0.2])
 
 
 def element(number: int, p: float, edges: tuple[float, ...], difference_m: float = 0.003) -> ElementChange:
