@@ -1,8 +1,9 @@
 """`savmap simulate`: panoramic footage of a made-up place, with everything that is true about it.
 
 The folder gets footage.mp4, survey.json (a survey file), references.json (what a user would know without mapping),
-site.yaml (a site file with these references), poses.json (the rig's path), passes.json (where the cart's drive is a
-path), scene.yaml (the scene as resolved), and for the views asked for masks/VIEW/FRAME.png with masks/classes.json.
+site.yaml (a site file with these references), poses.json (the rig's path), goods.json (what stands in the rows),
+passes.json (where the cart's drive is a path), scene.yaml (the scene as resolved), and for the views asked for
+masks/VIEW/FRAME.png with masks/classes.json.
 """
 
 import json
@@ -74,6 +75,7 @@ def _write(built: Built, folder: Path, monitor: Monitor, masks: Sequence[ViewSpe
     facts = references(built, path)
     _dump(folder / "references.json", facts)
     _dump(folder / "poses.json", poses(built, path))
+    _dump(folder / "goods.json", goods_file(built))
     passes = true_passes(built, path) if built.scene.cart.path else []
     if built.scene.cart.path:
         _dump(folder / "passes.json", passes_file(passes))
@@ -157,6 +159,12 @@ def poses(built: Built, path: Drive) -> dict[str, Any]:
         for index, (stamp, matrix) in enumerate(zip(path.stamps_s, matrices, strict=True))
     ]
     return {"format": "savmap-poses", "version": 1, "units": "m", "rows": rows, "frames": frames}
+
+
+def goods_file(built: Built) -> dict[str, Any]:
+    """The boxes of goods in each mapped row: lowest and highest corners in the row's frame."""
+    rows = {name: corners.round(4).tolist() for name, corners in built.goods.items()}
+    return {"format": "savmap-goods", "version": 1, "units": "m", "rows": rows}
 
 
 def site_of(built: Built, facts: Mapping[str, Any], passes: Sequence[TruePass] = ()) -> dict[str, Any]:

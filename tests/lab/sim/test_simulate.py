@@ -37,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, scene_with: Callable[..., S
 
 def test_the_folder_holds_footage_and_truth(folder: Path) -> None:
     assert {item.name for item in folder.iterdir()} == {
-        "footage.mp4", "survey.json", "references.json", "site.yaml", "poses.json", "scene.yaml", "masks",
+        "footage.mp4", "survey.json", "references.json", "site.yaml", "poses.json", "goods.json", "scene.yaml", "masks",
     }  # fmt: skip
     with av.open(str(folder / "footage.mp4")) as container:
         stream = container.streams.video[0]
@@ -64,6 +64,17 @@ def test_truth_is_consistent(folder: Path) -> None:
     heights = [frame["world_from_rig"][1][3] for frame in poses["frames"]]
     assert known["camera_height_m"]["value"] == pytest.approx(np.mean(heights), abs=1e-3)
     assert known["camera_travel_m"]["value"] == 2.5
+
+
+def test_goods_stand_in_the_rows(folder: Path) -> None:
+    goods = json.loads((folder / "goods.json").read_text())
+    assert (goods["format"], list(goods["rows"])) == ("savmap-goods", ["A", "B"])
+    low, high = np.moveaxis(np.array(goods["rows"]["A"]), 1, 0)
+    assert len(low) > 0
+    assert (high > low).all()
+    assert low[:, 0].min() > 0
+    assert high[:, 0].max() < 3.8
+    assert low[:, 1].min() > 0
 
 
 def test_masks_show_the_surveyed_structures(folder: Path) -> None:

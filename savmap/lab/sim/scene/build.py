@@ -20,8 +20,9 @@ from savmap.lab.scenes import (
     Site,
 )
 from savmap.lab.sim.scene.files import Scene, row_frame
-from savmap.lab.sim.scene.goods import fill
+from savmap.lab.sim.scene.goods import extents, fill, in_world
 from savmap.lab.sim.scene.hall import hall_boxes
+from savmap.types import Floats
 
 _FRONT_M = 0.05
 _STICKER_M = 0.005
@@ -44,7 +45,8 @@ class SceneMaker(Protocol):
 @dataclass(frozen=True, eq=False)
 class Built:
     """A scene ready to be rendered. `survey` is a survey file's content, `aisle_z` the z range of the camera's aisle,
-    `parts` what each plugin built, `site` what a further plugin would be told."""
+    `parts` what each plugin built, `site` what a further plugin would be told, `goods` the lowest and highest corners
+    (n, 2, 3) m of what stands on the supports of each mapped row, in the row's frame."""
 
     scene: Scene
     boxes: list[Box]
@@ -53,6 +55,7 @@ class Built:
     aisle_z: tuple[float, float]
     parts: Mapping[str, SceneParts]
     site: Site
+    goods: Mapping[str, Floats]
 
     def labels(self, luminous: bool) -> set[str]:
         """The classes of the labelled boxes that shine, or of those that do not."""
@@ -78,8 +81,10 @@ def build(scene: Scene, makers: Mapping[str, SceneMaker] | None = None) -> Built
     rng = np.random.default_rng([scene.seed, 1])
     hall, goods = _thinned(scene, parts)
     boxes = [box for part in parts.values() for box in _boxes_of(part)] + hall_boxes(hall, goods, rng)
-    boxes += fill([support for part in parts.values() for support in part.supports], goods, rng)
-    return Built(scene, boxes, _survey(parts, frames), frames, aisle_z, parts, site)
+    filled = list(fill([support for part in parts.values() for support in part.supports], goods, rng))
+    boxes += [in_world(support, box) for support, box in filled]
+    standing = {name: extents(filled, frame) for name, frame in frames.items() if frame.mapped}
+    return Built(scene, boxes, _survey(parts, frames), frames, aisle_z, parts, site, standing)
 
 
 def _maker(name: str) -> SceneMaker:

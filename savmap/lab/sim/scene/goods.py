@@ -5,23 +5,36 @@ from dataclasses import replace
 
 import numpy as np
 
-from savmap.lab.scenes import Box, Goods, Material, Rgb, Support, span
+from savmap.lab.scenes import Box, Goods, Material, Rgb, RowFrame, Support, span
 from savmap.types import Floats
 
 _WOOD = Material((0.42, 0.28, 0.16), "wood", (0.22, 0.13, 0.07), 0.4, 0.7)
 _PAPER = Material((0.8, 0.8, 0.78), "noise", (0.04, 0.04, 0.04), 0.04, 0.5)
 
 
-def fill(supports: Sequence[Support], goods: Goods, rng: np.random.Generator) -> Iterator[Box]:
-    """Boxes of goods on all supports, in the world. Identical goods: the same on every support of a height and
-    width."""
+def fill(supports: Sequence[Support], goods: Goods, rng: np.random.Generator) -> Iterator[tuple[Support, Box]]:
+    """Boxes of goods on all supports, in the frames of their rows, each with its support. Identical goods: the same on
+    every support of a height and width."""
     seed = int(rng.integers(1 << 30)) if goods.identical else 0
     for support in supports:
         support_rng = np.random.default_rng([seed, *_place(support)]) if goods.identical else rng
         density = goods.density * support_rng.uniform(0.4, 1.4)
         for box in _goods_on(support, goods, density, support_rng):
-            frame = support.frame
-            yield replace(box, center=frame.to_world(box.center), rotation=frame.world_from_row @ box.rotation)
+            yield support, box
+
+
+def in_world(support: Support, box: Box) -> Box:
+    """A box on a support in the world's frame."""
+    frame = support.frame
+    return replace(box, center=frame.to_world(box.center), rotation=frame.world_from_row @ box.rotation)
+
+
+def extents(goods: Sequence[tuple[Support, Box]], frame: RowFrame) -> Floats:
+    """Lowest and highest corners (n, 2, 3) m of the boxes on a row's supports, in the row's frame."""
+    boxes = [box for support, box in goods if support.frame is frame]
+    halves = [np.abs(box.rotation) @ box.size / 2 for box in boxes]
+    corners = [(box.center - half, box.center + half) for box, half in zip(boxes, halves, strict=True)]
+    return np.array(corners, np.float64).reshape(-1, 2, 3)
 
 
 def _place(support: Support) -> tuple[int, int]:
