@@ -71,6 +71,11 @@ BENCHES: Mapping[str, Bench] = {
     ),
     "photo-tiles": Bench("(a tool) Labelled photographs as pictures for training", 2),
     "live": Bench("How far does a live session stay behind, what does it say, and what is left of one cut off?", 10),
+    "slots": Bench(
+        "Is it right which slots of made-up rows hold goods, and how many are left unknown?",
+        40,
+        {"right %": "more", "unknown %": "less", "width cm": "less", "height cm": "less"},
+    ),
     "signs": Bench(
         "How many legible signs are found and read, and is any text made up?",
         30,

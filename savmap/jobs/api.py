@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -10,6 +11,7 @@ from savmap.assembly import aligned
 from savmap.errors import SiteError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
+from savmap.jobs.depths import kept_depths
 from savmap.jobs.map_site import MAP, failures_recorded, map_job, map_job_into, written_files
 from savmap.jobs.scheduler import RunOptions
 from savmap.maps.comparison import LEVEL, Comparison, compare_maps
@@ -122,19 +124,25 @@ def inspect(
     limits: PathLike | Mapping[str, Any] | None = None,
     *,
     drawing: PathLike | Survey | None = None,
+    folder: PathLike | None = None,
 ) -> Inspection:
     """What in a map keeps the limits of an inspection, and what does not: a measuring aid for a person who may inspect,
     and no inspection by itself.
 
     limits: a file of limits, or what stands in it; default: the plugins'. drawing: what was ordered or built: a survey
-    file, or a table or drawing as `import_survey` reads it. Raises SiteError for limits that are wrong, OutputError for
-    a file that cannot be read, PluginError for a plugin that fails.
+    file, or a table or drawing as `import_survey` reads it. folder: of the run that made the map, whose pictures tell
+    what is behind the faces; default: the one that the map is read from. Raises SiteError for limits that are wrong,
+    OutputError for a file that cannot be read, PluginError for a plugin that fails.
     """
     inspected = _map_of(site_map)
+    if folder is None and not isinstance(site_map, SiteMap):
+        folder = map_in(where(site_map)).parent
+    depths_of = partial(kept_depths, where(folder)) if folder is not None else lambda _: None
     if limits is None or isinstance(limits, Mapping):
-        return inspect_map(inspected, limits_of(limits or {}), _survey_of(drawing, inspected))
-    path = where(limits)
-    return inspect_map(inspected, load_limits(path), _survey_of(drawing, inspected), str(path))
+        given, named = limits_of(limits or {}), "limits"
+    else:
+        given, named = load_limits(where(limits)), str(where(limits))
+    return inspect_map(inspected, given, _survey_of(drawing, inspected), named, depths_of)
 
 
 def _survey_of(source: PathLike | Survey | None, site_map: SiteMap) -> Survey | None:

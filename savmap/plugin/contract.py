@@ -111,7 +111,8 @@ def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
         score = plugin.evaluate(related, {})
         plugin.draw(related, None, score.deviations)
         plugin.openings(related)
-        plugin.inspect(related, {plugin.name: plugin.places(related, None)}, None, plugin.limits({}, "contract"), None)
+        limits = plugin.limits({}, "contract")
+        plugin.inspect(related, {plugin.name: plugin.places(related, None)}, None, limits, None, {}, None)
         plugin.survey_entry(related)
         plugin.cross_row_landmarks(related)
     except PluginFailedError as error:

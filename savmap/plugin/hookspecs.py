@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    FaceDepths,
     Feature,
     FlatParts,
     Floats,
@@ -172,12 +173,15 @@ def inspect(
     joint: JointCovariance | None,
     limits: BaseModel,
     survey: Mapping[str, Any] | None,
+    others: Mapping[str, Sequence[Structure]],
+    depths: FaceDepths | None,
 ) -> RowInspection:
     """Inspection: what of a row's structures keeps the limits, and what does not.
 
     `places`: those of the row that have a name, by plugin; `joint`: what the errors of the structures' vertices share;
     `limits`: an object of the plugin's `Limits`; `survey`: the row's entry of a drawing or survey, where one is given,
-    m. Default: nothing is inspected."""
+    m; `others`: the plugin's structures of the other rows, each in its row's frame; `depths`: how deep behind the face
+    lies what is seen there, where the run kept pictures of it. Default: nothing is inspected."""
 
 
 @hookspec(firstresult=True)

@@ -41,6 +41,7 @@ from savmap.types.maps import SiteMap as SiteMap
 from savmap.types.maps import Solid as Solid
 from savmap.types.maps import Structure as Structure
 from savmap.types.maps import assumed_axes as assumed_axes
+from savmap.types.orthophotos import FaceDepths as FaceDepths
 from savmap.types.orthophotos import Orthophoto as Orthophoto
 from savmap.types.orthophotos import RowStrips as RowStrips
 from savmap.types.orthophotos import Still as Still

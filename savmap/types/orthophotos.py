@@ -76,3 +76,23 @@ class Orthophoto:
         corner."""
         along = (points - self.origin) @ np.stack([self.right, self.up], axis=1) / self.pixel_m
         return np.stack([along[:, 0], self.height - along[:, 1]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FaceDepths:
+    """How well what a face's strips show suits each depth behind it, cell by cell.
+
+    `origin` (3,) m is the lower left corner in the row's frame; `right` and `up` (3,) are unit vectors along the sides,
+    `cell` the side of a cell, m; row 0 is at the top. `depths` (k,) m: of the planes, behind the face; `scores` (k,
+    rows, columns): how well frames agree there, about -1 to 1, 0 where nothing tells. `cameras` (rows, columns, 3) m:
+    from where each cell is seen, to the right of the origin, up, and in front; NaN where it is not.
+    """
+
+    origin: Floats
+    right: Floats
+    up: Floats
+    cell: float
+    depths: Floats
+    scores: NDArray[np.float32]
+    cameras: Floats

@@ -73,6 +73,10 @@ class Shot:
         """The picture (height, width, 3), BGR."""
         return np.asarray(cv2.imdecode(self.strip.picture, cv2.IMREAD_COLOR), np.uint8)
 
+    def grey(self) -> Bytes:
+        """The picture (height, width), grey."""
+        return np.asarray(cv2.imdecode(self.strip.picture, cv2.IMREAD_GRAYSCALE), np.uint8)
+
     @cached_property
     def small(self) -> Bytes:
         """The picture at a quarter of its resolution, BGR."""
@@ -179,12 +183,16 @@ class Canvas:
         part = replace(self, rows=rows.stop - rows.start, columns=columns.stop - columns.start, corner=corner)
         return part, owners[rows, columns]
 
+    def face_from_part(self, top: int, left: int, size: float) -> Floats:
+        """Transform (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that
+        of a cell, to (right, up, 1) m on the face."""
+        x, y = self.corner + self.cell * np.array([left, self.rows - top])
+        return np.array([[size, 0, x + size / 2], [0, -size, y - size / 2], [0, 0, 1.0]])
+
     def pixels_from_part(self, shot: Shot, top: int, left: int, size: float) -> Floats:
         """Homography (3, 3) from (column, row, 1) of a picture with pixels of `size` m, whose upper left corner is that
         of a cell, to pixels of a shot."""
-        x, y = self.corner + self.cell * np.array([left, self.rows - top])
-        face_from_part = np.array([[size, 0, x + size / 2], [0, -size, y - size / 2], [0, 0, 1.0]])
-        return np.asarray(shot.pixels_from_face @ face_from_part)
+        return np.asarray(shot.pixels_from_face @ self.face_from_part(top, left, size))
 
     def photo(self, picture: Bytes) -> Orthophoto:
         """The orthophoto of a picture (height, width, 3), BGR, of all cells."""

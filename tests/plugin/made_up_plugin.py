@@ -76,7 +76,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "warnings": lambda plugin: plugin.warnings([THING]),
     "openings": lambda plugin: plugin.openings([THING]),
     "places": lambda plugin: plugin.places([THING], JointCovariance({}, np.eye(1))),
-    "inspect": lambda plugin: plugin.inspect([THING], {}, None, plugin.limits({}, "test"), None),
+    "inspect": lambda plugin: plugin.inspect([THING], {}, None, plugin.limits({}, "test"), None, {}, None),
     "cross_row_landmarks": lambda plugin: plugin.cross_row_landmarks([THING]),
     "evaluate": lambda plugin: plugin.evaluate([THING], {}),
     "survey_entry": lambda plugin: plugin.survey_entry([THING]),

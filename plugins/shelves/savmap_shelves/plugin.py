@@ -14,6 +14,7 @@ from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
     Detection,
+    FaceDepths,
     Feature,
     FlatParts,
     Floats,
@@ -166,10 +167,11 @@ class Shelves:
         joint: JointCovariance | None,
         limits: ShelvesLimits,
         survey: Mapping[str, Any] | None,
+        depths: FaceDepths | None,
     ) -> RowInspection:
         from savmap_shelves.inspection.inspect import inspect
 
-        return inspect(structures, places.get(self.name, ()), joint, limits, survey, self.name)
+        return inspect(structures, places.get(self.name, ()), joint, limits, survey, depths, self.name)
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[CrossRowLandmark]:

@@ -7,13 +7,13 @@ level. Which steps these are, most labels tell, by a vote; the others hang elsew
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from savmap.types import Finding, FindingTable, RowInspection, Structure
-from savmap.types.inspection import SURE, Cell
+from savmap.types.inspection import SURE, Cell, Grade
 from savmap_signs.mapping import AT_FACE_M
 from savmap_signs.settings import LABEL_GROUPS as GROUPS
 from savmap_signs.settings import SignsLimits
@@ -58,9 +58,15 @@ class Numbering:
         return tuple(start + step * place for start, step, place in zip(self.starts, self.steps, places, strict=True))
 
 
-def audit(signs: Sequence[Structure], places: Sequence[Structure], limits: SignsLimits) -> RowInspection:
+def audit(
+    signs: Sequence[Structure],
+    places: Sequence[Structure],
+    limits: SignsLimits,
+    others: Mapping[str, Sequence[Structure]],
+) -> RowInspection:
     """Labels that are missing, double, swapped or hang elsewhere than they should, and a table of which label hangs at
-    which slot. `places`: those of the row, of which slots have the attributes `bay` and `level`."""
+    which slot. `places`: those of the row, of which slots have the attributes `bay` and `level`; `others`: the signs of
+    the other rows."""
     if limits.pattern is None:
         return RowInspection(unchecked=("location labels: no `pattern` is among the limits",))
     slots = {
@@ -81,7 +87,14 @@ def audit(signs: Sequence[Structure], places: Sequence[Structure], limits: Signs
     for state, named, finding in _displaced(labels, numbering):
         findings.append(finding)
         states |= dict.fromkeys((label.sign.id for label in named), state)
+    elsewhere = _in_other_rows(labels, others)
     missing, unread = _missing(labels, slots, numbering)
+    if len(elsewhere) > LEAST_AGREE * len(labels):
+        unread.append("labels that hang in two rows: most do, the pattern names no row")
+        elsewhere = {}
+    for sign_id, finding in elsewhere.items():
+        if states.setdefault(sign_id, "double") == "double":
+            findings.append(finding)
     return RowInspection((*findings, *missing), (_table(labels, numbering, states),), (), tuple(unread))
 
 
@@ -208,6 +221,23 @@ def _displaced(labels: Sequence[Label], numbering: Numbering) -> Iterator[Displa
                 (label,),
                 _finding("label-double", f"{_text(label)} hangs twice at one place", label, right[label.numbers]),
             )
+
+
+def _in_other_rows(labels: Sequence[Label], others: Mapping[str, Sequence[Structure]]) -> dict[str, Finding]:
+    """A finding for each label that hangs in another row, too, by its sign's id."""
+    rows: dict[str, list[tuple[str, float]]] = {}
+    for row, signs in others.items():
+        for sign in signs:
+            read = str(sign.attributes.get("text", "")), float(sign.attributes.get("confidence", 1.0))
+            rows.setdefault(read[0], []).append((row, read[1]))
+    findings = {}
+    for label in labels:
+        for row, confidence in rows.get(label.match[0], ())[:1]:
+            finding = _finding("label-double", f"{_text(label)} hangs in row {row}, too", label)
+            probability = label.confidence * confidence
+            grade: Grade = "red" if probability > SURE else "amber"
+            findings[label.sign.id] = replace(finding, probability=probability, grade=grade)
+    return findings
 
 
 def _text(label: Label) -> str:

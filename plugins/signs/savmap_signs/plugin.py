@@ -113,11 +113,15 @@ class Signs:
 
     @hookimpl
     def inspect(
-        self, structures: Sequence[Structure], places: Mapping[str, Sequence[Structure]], limits: SignsLimits
+        self,
+        structures: Sequence[Structure],
+        places: Mapping[str, Sequence[Structure]],
+        limits: SignsLimits,
+        others: Mapping[str, Sequence[Structure]],
     ) -> RowInspection:
         from savmap_signs.labels import audit
 
-        return audit(structures, [place for group in places.values() for place in group], limits)
+        return audit(structures, [place for group in places.values() for place in group], limits, others)
 
     @hookimpl
     def evaluate(self, structures: Sequence[Structure], survey: Mapping[str, Any]) -> Score:

@@ -61,9 +61,10 @@ def inspect(
     drawing: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A survey file, table or drawing to compare with.")
     ] = None,
-    output: Annotated[Path, output_option("The HTML page to write; CSV and JSON go beside it.")] = Path(
-        "inspection.html"
-    ),
+    output: Annotated[
+        Path | None,
+        output_option("The HTML page to write; CSV and JSON go beside it. Default: inspection.html beside the map."),
+    ] = None,
 ) -> None:
     """Say what in a map keeps the limits of an inspection: a measuring aid for a person who may inspect."""
     from savmap.jobs import api
@@ -73,10 +74,11 @@ def inspect(
     from savmap.report.site_report import places_of
 
     site_map = read_map(map_file)
-    inspection = api.inspect(site_map, limits, drawing=drawing)
+    inspection = api.inspect(site_map, limits, drawing=drawing, folder=map_file.parent)
     photos = read_orthophotos(site_map.rows, map_file.parent)
     inputs = [path for path in (map_file, limits, drawing) if path is not None]
-    written = write_inspection(InspectionPage(site_map, inspection, photos, places_of(site_map)), output, inputs)
+    page = InspectionPage(site_map, inspection, photos, places_of(site_map))
+    written = write_inspection(page, output or map_file.with_name("inspection.html"), inputs)
     say(", ".join(f"{count} {grade}" for grade, count in inspection.counts().items()))
     for path in written:
         say(f"wrote {path}")

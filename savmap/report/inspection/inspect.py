@@ -1,6 +1,6 @@
 """The inspection of a map: every installed plugin that made it is asked about its structures, row by row."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from savmap.errors import SiteError
 from savmap.plugin.inspection import limit_lines
@@ -8,14 +8,18 @@ from savmap.plugin.manager import load_installed, open_plugin
 from savmap.report.inspection.aisle import AISLE, aisle_inspections
 from savmap.report.site_report import places_of
 from savmap.site.limits import SiteLimits
-from savmap.types import Inspection, RowInspection, SiteMap, Survey
+from savmap.types import FaceDepths, Inspection, RowInspection, RowMap, SiteMap, Survey
 
 
 def inspect_map(
-    site_map: SiteMap, limits: SiteLimits | None = None, survey: Survey | None = None, where: str = "limits"
+    site_map: SiteMap,
+    limits: SiteLimits | None = None,
+    survey: Survey | None = None,
+    where: str = "limits",
+    depths_of: Callable[[RowMap], FaceDepths | None] = lambda _: None,
 ) -> Inspection:
     """What the plugins find in a map. `survey`: a drawing or survey to compare with; `where`: what the limits were read
-    from, for errors.
+    from, for errors; `depths_of`: what is behind a row's face.
 
     Raises SiteError for limits of a plugin that is not installed, or that it does not take; OutputError where the
     survey is malformed; PluginError where a plugin fails.
@@ -29,17 +33,23 @@ def inspect_map(
     models = {name: plugin.limits(chosen.plugins.get(name, {}), where) for name, plugin in plugins.items()}
     places = places_of(site_map)
     surveyed = survey.rows if survey else {}
-    rows = {
-        row.name: {
+    rows: dict[str, dict[str, RowInspection]] = {}
+    for row in site_map.rows.values():
+        depths = depths_of(row)
+        rows[row.name] = {
             name: plugins[name].inspect(
-                structures, places.get(row.name, {}), row.joint, models[name], surveyed.get(row.name)
+                structures,
+                places.get(row.name, {}),
+                row.joint,
+                models[name],
+                surveyed.get(row.name),
+                {other.name: other.structures.get(name, ()) for other in site_map.rows.values() if other is not row},
+                depths,
             )
             if name in plugins
             else RowInspection(unchecked=(f"what `{name}` mapped: the plugin is not installed",))
             for name, structures in row.structures.items()
         }
-        for row in site_map.rows.values()
-    }
     for name, part in aisle_inspections(site_map, chosen.envelope).items():
         rows[name][AISLE] = part
     lines = (

@@ -63,10 +63,14 @@ def written(sign: Structure, as_other: Structure) -> Structure:
 
 
 def audited(
-    plugin: LoadedPlugin, made: Signs, pattern: str | None = PATTERN, extra: list[Structure] | None = None
+    plugin: LoadedPlugin,
+    made: Signs,
+    pattern: str | None = PATTERN,
+    extra: list[Structure] | None = None,
+    others: dict[str, list[Structure]] | None = None,
 ) -> RowInspection:
     limits = plugin.limits({} if pattern is None else {"pattern": pattern}, "limits")
-    return plugin.inspect([*made.values(), *(extra or [])], {"racks": slots()}, None, limits, None)
+    return plugin.inspect([*made.values(), *(extra or [])], {"racks": slots()}, None, limits, None, others or {}, None)
 
 
 def ids(made: Signs, *keys: tuple[int, int, int]) -> set[str]:
@@ -122,6 +126,28 @@ def test_two_labels_at_one_place_are_double(plugin: LoadedPlugin) -> None:
     again = replace(made[9, 1, 1], id="sign 999", vertices=made[9, 1, 1].vertices + np.array([0.2, 0.0, 0.0]))
     (finding,) = audited(plugin, made, extra=[again]).findings
     assert (finding.code, set(finding.subjects)) == ("label-double", {"sign 999", made[9, 1, 1].id})
+
+
+def test_a_label_that_hangs_in_two_rows_is_double_in_both(plugin: LoadedPlugin) -> None:
+    made = signs()
+    other = {
+        key: replace(sign, attributes=sign.attributes | {"text": "A22" + str(sign.attributes["text"])[3:]})
+        for key, sign in made.items()
+    }
+    wrong = (4, 1, 2)
+    made[wrong] = written(made[wrong], other[wrong])
+    pattern = PATTERN.replace("A21", r"A\d{2}")
+    (here,) = audited(plugin, made, pattern, others={"B": list(other.values())}).findings
+    (across,) = audited(plugin, other, pattern, others={"A": list(made.values())}).findings
+    assert [here.title, across.title] == ['"A22-43-2C" hangs in row B, too', '"A22-43-2C" hangs in row A, too']
+    assert [here.code, here.grade, here.subjects] == ["label-double", "red", (made[wrong].id,)]
+
+
+def test_a_pattern_that_names_no_row_says_nothing_of_two_rows(plugin: LoadedPlugin) -> None:
+    made = signs()
+    inspection = audited(plugin, made, others={"B": list(made.values())})
+    assert inspection.findings == ()
+    assert "names no row" in inspection.unchecked[0]
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from savmap.plugin import (
     hookimpl,
 )
 from savmap.plugin.hookspecs import REQUIRED
-from savmap.types import FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
+from savmap.types import FaceDepths, FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
 
 
 class PostLimits(InspectionLimits):
@@ -141,6 +141,34 @@ def test_command_writes_page_tables_and_json(folder: Path) -> None:
     content = json.loads((folder / "check.json").read_text(encoding="utf-8"))
     assert content["counts"] == {"red": 1, "amber": 1, "unknown": 0, "green": 1}
     assert content["findings"][0]["subjects"] == ["post 2"]
+
+
+def test_it_is_written_beside_the_map_where_no_name_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    error, _ = run("..")
+    assert error is None
+    assert (folder / "inspection.html").is_file()
+    assert list(Path().iterdir()) == []
+
+
+def test_plugins_are_asked_with_depths_and_the_other_rows(
+    installed: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = site().rows["A"]
+    write_map(SiteMap({"A": row, "B": replace(row, name="B")}, {}), tmp_path / "map.json")
+    asked: list[tuple[Any, Any]] = []
+
+    def inspect(self: Posts, others: Any, depths: Any) -> RowInspection:
+        asked.append((others, depths))
+        return RowInspection()
+
+    monkeypatch.setattr(Posts, "inspect", hookimpl(inspect))
+    depths = FaceDepths(*np.eye(3), 1.0, np.zeros(1), np.zeros((1, 1, 1), np.float32), np.zeros((1, 1, 3)))
+    monkeypatch.setattr("savmap.jobs.api.kept_depths", lambda folder, row: depths if row.name == "A" else None)
+    savmap.inspect(tmp_path)
+    assert [(list(others), given is depths) for others, given in asked] == [(["B"], True), (["A"], False)]
+    assert [post.id for post in asked[0][0]["B"]] == ["post 1", "post 2", "post 3"]
 
 
 def test_parts_of_rows_are_shown_on_sheets_and_written_as_files(folder: Path) -> None:

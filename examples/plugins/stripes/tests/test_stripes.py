@@ -44,13 +44,16 @@ def stripe(number: int, width_m: float) -> Structure:
 def test_a_worn_stripe_is_told_in_an_inspection() -> None:
     plugin = loaded_plugin("stripes", Stripes, Stripes.Config())
     stripes = [stripe(1, 0.08), stripe(2, 0.03)]
-    result = plugin.inspect(stripes, {}, None, plugin.limits({}, "test"), None)
+    result = plugin.inspect(stripes, {}, None, plugin.limits({}, "test"), None, {}, None)
     assert [(finding.subjects, finding.grade) for finding in result.findings] == [
         (("stripe 1",), "green"),
         (("stripe 2",), "red"),
     ]
     given = plugin.limits({"width_m": {"amber": 0.02, "red": 0.01}}, "test")
-    assert [finding.grade for finding in plugin.inspect(stripes, {}, None, given, None).findings] == ["green", "green"]
+    assert [finding.grade for finding in plugin.inspect(stripes, {}, None, given, None, {}, None).findings] == [
+        "green",
+        "green",
+    ]
 
 
 def test_it_is_inspected_with_what_other_plugins_mapped(installed: None) -> None:

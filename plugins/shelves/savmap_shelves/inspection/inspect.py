@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from savmap.types import CloseUp, Finding, JointCovariance, Measured, RowInspection, Structure
+from savmap.types import CloseUp, FaceDepths, Finding, JointCovariance, Measured, RowInspection, Structure
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
+from savmap_shelves.inspection.occupancy import occupancies_of, over_edge, slot_table
 from savmap_shelves.inspection.plumb import LEAN
 from savmap_shelves.report.slots import edge
 
@@ -22,6 +23,7 @@ LOWEST_M, AROUND_M = 2.0, 0.2
 """Of an upright, what is shown: its height from the floor, and what is to its left and right."""
 NO_DRAWING = "deviations from a drawing: none was given (--drawing)"
 NO_LOADS = "which loads fit: no `load_units` are among the limits"
+NO_PICTURES = "what is in the slots: the folder of the map has no pictures of the row (stages, face-*.jpg)"
 
 
 def inspect(
@@ -30,18 +32,23 @@ def inspect(
     joint: JointCovariance | None,
     limits: ShelvesLimits,
     survey: Mapping[str, Any] | None,
+    depths: FaceDepths | None,
     plugin: str,
 ) -> RowInspection:
     """What keeps the limits. `places`: the plugin's. Raises OutputError for a drawing that is malformed."""
-    fits = fits_of([place for place in places if place.label == "level"], limits)
+    levels = [place for place in places if place.label == "level"]
+    fits = fits_of(levels, limits)
+    occupied = occupancies_of(levels, depths) if depths is not None else []
     drawn = list(acceptance_findings(structures, joint, limits, survey, plugin)) if survey is not None else []
     measured = {key for structure in structures for key in NOT_MEASURED if key in structure.attributes}
     unchecked = [line for key, line in NOT_MEASURED.items() if key not in measured]
     unchecked += [NO_DRAWING] if survey is None else []
     unchecked += [] if fits else [NO_LOADS]
+    unchecked += [] if depths is not None else [NO_PICTURES]
+    of_fits = (fit_table(fits), lost_table(fits)) if fits else ()
     return RowInspection(
-        (*_deformations(structures, limits, survey is not None), *fit_findings(fits), *drawn),
-        (fit_table(fits), lost_table(fits)) if fits else (),
+        (*_deformations(structures, limits, survey is not None), *fit_findings(fits), *over_edge(occupied), *drawn),
+        (*([slot_table(occupied)] if occupied else []), *of_fits),
         tuple(_close_ups(structures)),
         tuple(unchecked),
     )
