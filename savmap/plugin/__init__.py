@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from savmap.types import Detection as Detection
     from savmap.types import Distances as Distances
     from savmap.types import Drawing as Drawing
+    from savmap.types import FaceDepths as FaceDepths
     from savmap.types import Feature as Feature
     from savmap.types import Finding as Finding
     from savmap.types import FindingTable as FindingTable
@@ -128,10 +129,10 @@ _NAMES = {
     "savmap.plugin.points.views": ("count_view_plan face_view_plan point_feature touches_border upright_ends"),
     "savmap.plugin.protocol": "KnownSize Plugin PluginSettings",
     "savmap.types": (
-        "Attribute Axis Bools CloseUp CrossRowLandmark Detection Distances Drawing Feature Finding FindingTable "
-        "FlatParts Floats FoundObject FrameTable Ints JointCovariance MapWarning Measured Panorama PlaneEvidence "
-        "PlanePatch RowFacts RowInspection Score SiteMap Solid Structure SurveyEntry Thresholds Track Trajectory View "
-        "ViewPlan ViewSpec"
+        "Attribute Axis Bools CloseUp CrossRowLandmark Detection Distances Drawing FaceDepths Feature Finding "
+        "FindingTable FlatParts Floats FoundObject FrameTable Ints JointCovariance MapWarning Measured Panorama "
+        "PlaneEvidence PlanePatch RowFacts RowInspection Score SiteMap Solid Structure SurveyEntry Thresholds Track "
+        "Trajectory View ViewPlan ViewSpec"
     ),
     "savmap.vision.view_planning": (
         "DOWNWARDS LEVEL UPWARDS Face Manual PassPreview ceiling_view choose_face face_at fit_count fit_height "

@@ -125,7 +125,7 @@ class _Sweep:
             for agreement, k in zip(agreements, near, strict=True):
                 moved = seen_from(self.shots[number].place, self.shots[k].place, depth) @ face_from_part
                 agreement[:] = target.correlation(_Windows.of(self._laid(k, moved, size)))[middle, middle]
-            agreements.sort(axis=0)
+            agreements.partition(len(near) // 2, axis=0)
             score[:] = agreements[len(near) // 2 :].mean(axis=0)
         return result
 

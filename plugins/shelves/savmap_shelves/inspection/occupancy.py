@@ -10,7 +10,7 @@ the prior, so that it stays unknown.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +20,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from savmap.types import Bools, FaceDepths, Finding, FindingTable, Floats, Ints, Measured, Structure, array_record
-from savmap.types.inspection import Cell, grade_of
+from savmap.types.inspection import Cell, Grade, grade_of
 from savmap.vision.evidence.intervals import Intervals, best_intervals, log_partitions
 
 State = Literal["empty", "occupied", "unknown"]
@@ -47,6 +47,8 @@ OVER_M = 0.03
 PLACE_M = 0.03
 """The standard deviation of an edge of goods whose place is clear."""
 NOWHERE = 99
+TO_DO: Mapping[Grade, str] = {"amber": "look, and push them back", "unknown": "look whether they do"}
+"""Of goods over the edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,10 +345,10 @@ def over_edge(occupancies: Sequence[Occupancy]) -> Iterator[Finding]:
             grade = grade_of(occupancy.over_edge)
             yield Finding(
                 "goods-over-edge",
-                f"goods stand over the edge of {occupancy.slot.id}",
+                f"goods over the edge of {occupancy.slot.id}",
                 grade,
                 (occupancy.slot.id,),
                 probability=occupancy.over_edge,
-                action="" if grade == "green" else "look, and push them back",
+                action=TO_DO.get(grade, ""),
                 place=(x, y, z),
             )
