@@ -8,7 +8,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.types import Feature, Floats, Place, RowFacts, Track, Trajectory
 
-ENDS, FOOT = ("top", "bottom"), " / foot"
+ENDS, FOOT, PART, PARTS_OF = ("top", "bottom"), " / foot", " part", "parts of "
 LEAST_SIGHTINGS, HIDDEN = 3, 0.03
 """Of a foot, and by how much one that stands on the floor may seem higher than the lowest, as a share of the camera's
 distance."""
@@ -19,8 +19,8 @@ Point = tuple[Feature, int]
 
 
 def track_structures(features: Sequence[Feature], facts: RowFacts, path: Trajectory | None) -> list[Track]:
-    """Tracks of both ends of uprights' edges, of beams' corners, and of uprights' feet that stand on the floor, by a
-    path up to scale.
+    """Tracks of both ends of uprights' edges, of beams' corners, of uprights' feet that stand on the floor, by a path
+    up to scale, and of parts of edges, all of an edge in one track.
 
     Raises StructureError where no beam was measured.
     """
@@ -33,7 +33,7 @@ def track_structures(features: Sequence[Feature], facts: RowFacts, path: Traject
     tracks = [
         _track(name, seen) for name, seen in sorted(points.items()) if not name.endswith(FOOT) or name in standing
     ]
-    if not any(track.label == "beam" for track in tracks):
+    if not any(track.label == "beam" and not track.name.startswith(PARTS_OF) for track in tracks):
         raise StructureError(
             f"row {facts.name}: no beam that meets an upright was measured in any of {len(facts.frames)} frames"
         )
@@ -69,6 +69,8 @@ def _best(features: Sequence[Feature]) -> list[Feature]:
 
 def _parts(feature: Feature, objects: Mapping[tuple[int, str, str, int], str]) -> list[tuple[str, int]]:
     """The tracks that a feature's pixels are of."""
+    if feature.part.endswith(PART):
+        return [(f"{PARTS_OF}{feature.object} / {feature.part.removesuffix(PART)}", 0)]
     if feature.label == "upright":
         if feature.part == "foot":
             return [(f"{feature.object} / foot", 0)]
@@ -92,6 +94,11 @@ def _track(name: str, points: Sequence[Point]) -> Track:
 def _place(name: str) -> Place:
     """Where on the grid a track is, by its name."""
     words = name.split(" / ")
+    if name.startswith(PARTS_OF):
+        number, edge = int(words[0].split()[-1]), words[-1]
+        if len(words) == 2:
+            return {"upright": number, "side": edge, "end": "part"}
+        return {"bay": number, "beam": int(words[1].split()[1]), "edge": edge, "end": "part"}
     if words[0].startswith("upright"):
         number = int(words[0].split()[1])
         side, end = ("middle", "foot") if len(words) == 2 else (words[1], words[2])

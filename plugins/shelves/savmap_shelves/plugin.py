@@ -58,6 +58,7 @@ class Shelves:
         *(f"bay # / beam # / {edge} {side}" for edge, side in product(("lower", "upper"), ("left", "right"))),
     )
     scale_settings = ("bay_pitch_m", "lowest_beam_bottom_height_m")
+    # `plumb` is used on the pixels that were kept, not on the walk
     after_pixels = ("lowest_beam_bottom_height_m", "bay_pitch_m", "beam_setback_m", "plumb")
 
     def __init__(self, config: ShelvesSettings) -> None:
@@ -84,7 +85,8 @@ class Shelves:
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
         from savmap_shelves.boundaries import extract_features
 
-        return extract_features(view, detections, panorama=panorama if self.config.subpixel else None)
+        pixels = panorama if self.config.subpixel else None
+        return extract_features(view, detections, panorama=pixels, parts=self.config.plumb)
 
     @hookimpl
     def locate(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
@@ -109,7 +111,12 @@ class Shelves:
     def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
         from savmap_shelves.association import track_structures
 
-        return track_structures(features, facts, start)
+        tracks = track_structures(features, facts, start)
+        if not self.config.plumb or start is None:
+            return tracks
+        from savmap_shelves.inspection.shapes import straightened
+
+        return straightened(tracks, facts, start)
 
     @hookimpl
     def planes(self, points: Mapping[str, Floats]) -> list[PlanePatch]:
@@ -137,9 +144,9 @@ class Shelves:
         structures = describe(tracks, solution, plugin=self.name, depth_m=self.config.depth_m)
         if not self.config.plumb:
             return structures
-        from savmap_shelves.inspection.plumb import with_leans
+        from savmap_shelves.inspection.shapes import with_shapes
 
-        return with_leans(structures, tracks, facts, solution.trajectory, solution.landmarks_of(self.name))
+        return with_shapes(structures, tracks, facts, solution.trajectory, solution.landmarks_of(self.name))
 
     @hookimpl
     def warnings(self, structures: Sequence[Structure]) -> list[MapWarning]:

@@ -81,7 +81,8 @@ class ShelvesSettings(BaseModel):
     """The rack's depth, from the front of its frames to their back, for formats that hold solids. Default: 1.1 m, which
     is marked as assumed."""
     plumb: bool = False
-    """Whether it is measured how far each upright leans along the aisle (its attribute `lean_permille`, mm in 1 m),
-    for `savmap inspect`. Nothing else of the map depends on it."""
+    """Whether it is measured how far each upright leans and is bowed along the aisle, and each beam is tilted and sags
+    (attributes `lean_permille`, `bow_permille`, `tilt_permille` and `sag_m`), for `savmap inspect`. What clearly leans
+    or is tilted is straightened for the solve; else nothing of the map depends on it."""
     subpixel: bool = True
     """Whether edges are measured in the panorama itself; false leaves them as masks have them."""

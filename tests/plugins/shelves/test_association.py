@@ -9,6 +9,7 @@ from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.types import Feature, FrameTable, RowFacts, Trajectory, ViewSpec
 from savmap_shelves.association import track_structures
+from savmap_shelves.constraints.track_grid import grid_of, is_part
 
 FACTS = RowFacts("A", FrameTable(np.arange(3.0), ("pass 1",) * 3), {"face": ViewSpec("face", 0.0)}, {"pass 1": 1})
 
@@ -43,6 +44,23 @@ def test_features_become_tracks_with_names_and_places() -> None:
     }
     assert all(track.frames.tolist() == [0, 2] for track in tracks.values())
     assert tracks["upright 1 / right / bottom"].pixels[0].tolist() == [20.0, 90.0]
+
+
+def test_parts_of_an_edge_are_one_track_that_the_grid_does_not_have() -> None:
+    parts = [
+        replace(feature("beam", "lower part", 4, "bay 1 / beam 1", x, frame), score=0.0)
+        for frame in (0, 2)
+        for x in (30.0, 50.0)
+    ]
+    parts += [replace(part, label="upright", part="left part", instance=1, object="upright 2") for part in parts]
+    tracks = track_structures([*picture(2), *picture(0), *parts], FACTS, None)
+    of_parts = {track.name: dict(track.place) for track in tracks if is_part(track)}
+    assert of_parts == {
+        "parts of bay 1 / beam 1 / lower": {"bay": 1, "beam": 1, "edge": "lower", "end": "part"},
+        "parts of upright 2 / left": {"upright": 2, "side": "left", "end": "part"},
+    }
+    assert next(track for track in tracks if is_part(track)).frames.tolist() == [0, 0, 2, 2]
+    assert grid_of(tracks) == grid_of([track for track in tracks if not is_part(track)])
 
 
 def test_a_corner_at_another_upright_than_its_bays_is_left_out() -> None:

@@ -3,7 +3,7 @@
 Uprights come first: the beams' masks are cut at them, so that each beam is fitted section by section.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -12,7 +12,7 @@ import numpy as np
 from savmap.geometry.lines import Lines, crossing, crossing_covariance
 from savmap.types import Axis, Bools, Detection, Feature, Floats, Ints, Panorama, View
 from savmap.vision.masks import Probability, Runs, numbered_runs, numbers_of_longest
-from savmap_shelves.boundaries.measuring import measured_strips
+from savmap_shelves.boundaries.measuring import MeasuredParts, measured_parts, measured_strips
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.boundaries.strips import Strips, strips_of
 
@@ -69,6 +69,7 @@ def extract_features(
     detections: Sequence[Detection],
     settings: BoundarySettings | None = None,
     panorama: Panorama | None = None,
+    parts: bool = False,
 ) -> list[Feature]:
     """The edges of uprights and beams of one view, and the beams' corners at the uprights.
 
@@ -77,19 +78,23 @@ def extract_features(
     first, with a score that is low where the mask covers little of them, and corners "upper left" ... at the uprights
     that it ends at, which `neighbours` name by role. Covariances px^2.
 
-    With the panorama that the view was cut from, the edges are measured there (savmap.vision.subpixel).
+    With the panorama that the view was cut from, the edges are measured there (savmap.vision.subpixel), and, if asked
+    for, `parts` of each by themselves: points "left part", "upper part" ..., with a score of 0.
     """
     settings = settings or BoundarySettings()
     least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
     extraction = Extraction(view, settings, least_px)
     separators = _separators(extraction, detections)
     beams = _beams(extraction, detections, separators)
+    of_parts: Iterable[Feature] = ()
     if panorama is not None:
         kept = np.flatnonzero(separators.kept)
         uprights, beams = measured_strips(panorama, view.spec, separators.strips[kept], beams)
         separators = replace(separators, strips=separators.strips.replaced(kept, uprights))
+        if parts:
+            of_parts = _part_features(extraction, measured_parts(panorama, view.spec, uprights, beams))
     feet = _feet(extraction, separators.strips[separators.kept]) if panorama is None else ()
-    return [*upright_edges(extraction, separators), *feet, *beam_features(extraction, beams, separators)]
+    return [*upright_edges(extraction, separators), *feet, *beam_features(extraction, beams, separators), *of_parts]
 
 
 def _class_runs(extraction: Extraction, detections: Sequence[Detection], label: str) -> tuple[Runs, Ints, Probability]:
@@ -160,6 +165,20 @@ def upright_edges(extraction: Extraction, separators: Separators) -> Iterator[Fe
         for index in range(len(strips)):
             name, score = ("upright", part, index), float(strips.score[index])
             yield extraction.feature(name, pixels[index], covariances[index][:, ::-1, ::-1], "y", score)
+
+
+def _part_features(extraction: Extraction, parts: MeasuredParts) -> Iterator[Feature]:
+    """A point in the middle of each part of an edge that was measured."""
+    for label, sides, groups in zip(("upright", "beam"), (("left", "right"), ("upper", "lower")), parts, strict=True):
+        for lines, middle, seen in groups:
+            across, covariances = _line_ends(lines, middle[:, None], extraction)
+            pixels = np.stack([middle, across[:, 0]], axis=-1)
+            if label == "upright":
+                pixels, covariances = pixels[:, ::-1], covariances[:, :, ::-1, ::-1]
+            count = len(lines) // 2
+            for index in np.flatnonzero(seen).tolist():
+                name = label, f"{sides[index // count]} part", index % count
+                yield extraction.feature(name, pixels[index][None], covariances[index], None, 0.0)
 
 
 def _feet(extraction: Extraction, strips: Strips) -> Iterator[Feature]:

@@ -1,11 +1,12 @@
 """The edges of strips measured in the panorama, with what is known of racks: where side faces show beside an edge."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from savmap.geometry.lines import Lines, where
-from savmap.types import Floats, Panorama, ViewSpec
+from savmap.types import Bools, Floats, Panorama, ViewSpec
 from savmap.vision.subpixel import Edges, Subpixel, measured
 from savmap_shelves.boundaries.strips import Strips
 
@@ -15,6 +16,14 @@ ROUNDS = 3
 TOLERANCE = 0.01
 SAME = 0.4
 """Edges that are nearer to each other than this share of their mask's thickness are one line."""
+STANDING_PARTS, LYING_PARTS = 8, 4
+"""Of an upright's and of a beam's edge, each measured by itself."""
+LEAST_PART_PX = 10.0
+Parts = list[tuple[Lines, Floats, Bools]]
+"""Of each part: lines (2 g,) of the upper, then the lower edges of g strips, the middle u (2 g,) of the part, and which
+could be measured."""
+MeasuredParts = tuple[Parts, Parts]
+"""Of uprights, and of beams."""
 WHOLE = 0.5
 """What is thinner in its mask than this share of what is usual in the picture is hidden in part."""
 
@@ -26,6 +35,28 @@ def measured_strips(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams:
     (standing, _), (lying, seen) = measured(panorama, spec, edges, OUTLINED)
     lying = replace(lying, inliers=np.where(seen, lying.inliers, 0.0))
     return _with_edges(uprights, standing), _with_edges(beams, lying)
+
+
+def measured_parts(panorama: Panorama, spec: ViewSpec, uprights: Strips, beams: Strips) -> MeasuredParts:
+    """The edges of strips, which may lean or be bent, part by part."""
+    axes = _face_axes(spec, uprights, beams)
+    groups = (uprights, True, STANDING_PARTS), (beams, False, LYING_PARTS)
+    standing, lying = (
+        [*_followed(panorama, spec, _edges(spec, strips, axes, stands), parts)] for strips, stands, parts in groups
+    )
+    return standing, lying
+
+
+def _followed(panorama: Panorama, spec: ViewSpec, edges: Edges, parts: int) -> Iterator[tuple[Lines, Floats, Bools]]:
+    """Each part of edges, outwards from the middle, where the part before it leads to."""
+    size = (edges.last - edges.first) / parts
+    for step in (range(parts // 2 - 1, -1, -1), range(parts // 2, parts)):
+        lines = edges.lines
+        for number in step:
+            first = edges.first + number * size
+            part = replace(edges, lines=lines, first=first, last=first + size, wanted=size >= LEAST_PART_PX)
+            ((lines, seen),) = measured(panorama, spec, [part], OUTLINED)
+            yield lines, part.middle, seen
 
 
 def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:

@@ -31,7 +31,7 @@ from savmap.graph import (
 )
 from savmap.types import Axis, Bools, Floats, Ints, RowFacts, Track, Trajectory, ViewSpec
 from savmap_shelves.constraints.sharing import directions, share_edges
-from savmap_shelves.constraints.track_grid import Column, Row, TrackGrid, column_of, grid_of, is_foot, row_of
+from savmap_shelves.constraints.track_grid import Column, Row, TrackGrid, column_of, grid_of, is_foot, is_part, row_of
 from savmap_shelves.settings import ShelvesSettings
 
 CLASSES = ("all", "upright", "beam")
@@ -194,7 +194,7 @@ def constrain(
     """
     settings = settings or GridSettings()
     feet = [track for track in tracks if is_foot(track)] if settings.lowest_beam_bottom_height_m is None else []
-    tracks = [track for track in tracks if not is_foot(track)]
+    tracks = [track for track in tracks if not is_foot(track) and not is_part(track)]
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")

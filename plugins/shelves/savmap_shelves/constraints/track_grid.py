@@ -23,11 +23,11 @@ class TrackGrid:
 
 
 def grid_of(tracks: Sequence[Track]) -> TrackGrid:
-    """Tracks sorted into columns and rows by their place; feet are left out."""
+    """Tracks sorted into columns and rows by their place; feet and parts of edges are left out."""
     columns: dict[Column, list[str]] = {}
     rows: dict[Row, list[str]] = {}
     for track in tracks:
-        if is_foot(track):
+        if is_foot(track) or is_part(track):
             continue
         columns.setdefault(column_of(track), []).append(track.name)
         if track.label == "beam":
@@ -40,6 +40,11 @@ def grid_of(tracks: Sequence[Track]) -> TrackGrid:
 def is_foot(track: Track) -> bool:
     """Whether a track is where an upright stands on the floor."""
     return track.place.get("end") == "foot"
+
+
+def is_part(track: Track) -> bool:
+    """Whether a track is of the parts of an edge, by which its shape is measured once the map is solved."""
+    return track.place.get("end") == "part"
 
 
 def column_of(track: Track) -> Column:

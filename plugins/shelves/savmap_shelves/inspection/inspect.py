@@ -10,14 +10,13 @@ from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
 from savmap_shelves.inspection.occupancy import occupancies_of, over_edge, slot_table
-from savmap_shelves.inspection.plumb import LEAN
+from savmap_shelves.inspection.shapes import BOW, LEAN, SAG
 from savmap_shelves.report.slots import edge
 
-SAG = "sag_m"
-"""The attribute of a beam whose sag something measured."""
 NOT_MEASURED = {
     LEAN: "whether uprights are plumb: map with the setting `plumb` of `shelves`",
-    SAG: "whether beams sag: the map takes them to be straight",
+    BOW: "whether uprights are straight: map with the setting `plumb` of `shelves`",
+    SAG: "whether beams sag: map with the setting `plumb` of `shelves`",
 }
 LOWEST_M, AROUND_M = 2.0, 0.2
 """Of an upright, what is shown: its height from the floor, and what is to its left and right."""
@@ -64,9 +63,10 @@ def _close_ups(structures: Sequence[Structure]) -> Iterator[CloseUp]:
 
 
 def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new: bool) -> Iterator[Finding]:
-    """How far uprights lean and beams sag, where that was measured; `is_new`: by the limits of a new rack."""
+    """How far uprights lean and are bowed, and beams sag, where that was measured; `is_new`: by the limits of a new
+    rack."""
     for structure in structures:
-        lean, sag = structure.attributes.get(LEAN), structure.attributes.get(SAG)
+        lean, bow, sag = (structure.attributes.get(key) for key in (LEAN, BOW, SAG))
         place = tuple(structure.vertices.mean(axis=0).tolist())
         if isinstance(lean, Measured):
             limit = limits.out_of_plumb_permille if is_new else limits.lean_permille
@@ -79,6 +79,16 @@ def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new
                 place=place,
             )
             yield limit.finding(finding, lean)
+        if isinstance(bow, Measured):
+            finding = Finding(
+                "upright-bow",
+                f"{structure.id} is bowed along the aisle",
+                subjects=(structure.id,),
+                unit="mm/m",
+                action="measure it with a straight edge; unload the bay where it is red",
+                place=place,
+            )
+            yield limits.bow_permille.finding(finding, bow)
         if isinstance(sag, Measured):
             span = float(structure.vertices[:, 0].max() - structure.vertices[:, 0].min())
             finding = Finding(

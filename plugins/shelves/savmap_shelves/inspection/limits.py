@@ -1,6 +1,7 @@
 """Limits of an inspection of racks, with their sources.
 
-EN 15635 and EN 15620 were not at hand: the figures are those that handbooks quote of them.
+EN 15635 and EN 15620 were not at hand: the figures are those that handbooks quote of them, and, for bent uprights, DGUV
+Information 208-043, section 4.2.
 """
 
 from typing import Annotated
@@ -52,6 +53,12 @@ class ShelvesLimits(InspectionLimits):
         amber=1000 / 350, red=2000 / 350, source=f"EN 15620: height / 350, red at twice that; {UNVERIFIED}"
     )
     """The same where a drawing is given: of a new rack."""
+    bow_permille: Limit = Limit(
+        amber=5.0,
+        red=10.0,
+        source=f"EN 15635: 5 mm under 1 m of straight edge along the aisle, pro rata, red at twice that; {UNVERIFIED}",
+    )
+    """How far an upright's middle lies beside the line between its ends, along the aisle, mm in 1 m of its height."""
     sag_share: Limit = Limit(
         amber=1 / 200, red=2 / 200, source=f"EN 15620: a beam's span / 200, red at twice that; {UNVERIFIED}"
     )

@@ -68,6 +68,25 @@ def test_corners_have_the_covariance_of_what_was_measured() -> None:
     assert np.median(sigma) < 0.25
 
 
+def test_parts_of_edges_lie_on_them_and_change_nothing_else() -> None:
+    detections, panorama = FACING.detections(), panorama_of(FACING)
+    whole = extract_features(FACING.view, detections, panorama=panorama)
+    every = extract_features(FACING.view, detections, panorama=panorama, parts=True)
+    parts = every[len(whole) :]
+    for before, after in zip(whole, every, strict=False):
+        assert (before.part, before.instance) == (after.part, after.instance)
+        assert np.array_equal(before.pixels, after.pixels)
+    edges = {(edge.label, edge.instance, edge.part): edge.pixels for edge in whole if len(edge.pixels) == 2}
+    off = []
+    for part in parts:
+        first, last = edges[part.label, part.instance, part.part.removesuffix(" part")]
+        across = np.array([first[1] - last[1], last[0] - first[0]]) / np.linalg.norm(last - first)
+        off.append(float(across @ (part.pixels[0] - first)))
+    assert {part.score for part in parts} == {0.0}
+    assert len(parts) > 100
+    assert np.median(np.abs(off)) < 0.1
+
+
 def test_it_can_be_switched_off() -> None:
     detections, panorama = too_wide(FACING), panorama_of(FACING)
     on, off = (
