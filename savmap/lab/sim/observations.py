@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from savmap.geometry.pinhole import project
-from savmap.lab.scenes import Front, RowFrame
+from savmap.lab.scenes import RowFrame
 from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.drive.optics import Optics, seen_edges
 from savmap.types import Floats, ViewSpec
@@ -44,6 +44,7 @@ class MaskErrors:
 
     `bias_px`: how far outside the structure every edge lies, always; `uneven_px`: the standard deviation of what each
     edge has beside that, for good; `drift_px`: the same for what comes and goes, over about `drift_frames` frames.
+    `warped_px`: the standard deviation of what all pictures are warped by, alike, where edges are measured by parts.
     """
 
     sigma_px: float = 0.5
@@ -57,6 +58,7 @@ class MaskErrors:
     uneven_px: float = 0.0
     drift_px: float = 0.0
     drift_frames: float = 5.0
+    warped_px: float = 0.0
 
 
 PAPER = MaskErrors(
@@ -79,20 +81,6 @@ class Strip:
     edges: Floats
 
 
-def tall_strip(front: Front, truth: Hashable) -> Strip:
-    """The left and the right edge of an upright front."""
-    low, high = front.low, front.high
-    edges = np.array([[[x, y, high[2]] for y in (low[1], high[1])] for x in (low[0], high[0])])
-    return Strip(front.label, truth, ("left", "right"), edges)
-
-
-def long_strip(front: Front, truth: Hashable) -> Strip:
-    """The lower and the upper edge of a front that lies along the row."""
-    low, high = front.low, front.high
-    edges = np.array([[[x, y, high[2]] for x in (low[0], high[0])] for y in (low[1], high[1])])
-    return Strip(front.label, truth, ("lower", "upper"), edges)
-
-
 def observe_strips(
     strips: Sequence[Strip],
     frame: RowFrame,
@@ -104,7 +92,7 @@ def observe_strips(
 ) -> Iterator[list[ObservedEdge]]:
     """The edges of a row's strips in every frame of a drive in the view `spec`, cut from a panorama that `optics` may
     have spoilt; the same seed gives the same."""
-    offsets = _offsets(len(strips), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
+    offsets = edge_offsets(len(strips), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
     for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
         rng = np.random.default_rng([seed, index])
         view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
@@ -121,7 +109,7 @@ def observe_strips(
         yield _edges(index, list(_masks(masks, errors, spec, rng)), errors, rng)
 
 
-def _offsets(count: int, frames: int, errors: MaskErrors, rng: np.random.Generator) -> Floats:
+def edge_offsets(count: int, frames: int, errors: MaskErrors, rng: np.random.Generator) -> Floats:
     """How far (frames, count, 2) px outside its place each edge of each structure lies in each frame."""
     settled = errors.bias_px + errors.uneven_px * rng.normal(size=(count, 2))
     keep = np.exp(-1 / errors.drift_frames)

@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.geometry.lines import Lines
+from savmap.geometry.pinhole import project
+from savmap.lab.scenes import validated
 from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.drive.optics import Optics
-from savmap.lab.sim.observations import MaskErrors, ObservedEdge, Strip, long_strip, observe_strips, tall_strip
-from savmap.lab.sim.scene.build import Built, row_fronts
+from savmap.lab.sim.observations import MaskErrors, ObservedEdge, Side, Strip, edge_offsets, observe_strips
+from savmap.lab.sim.scene.build import Built
 from savmap.types import Bools, Feature, Floats, Ints, View, ViewSpec
 from savmap_shelves.boundaries.features import (
     Extraction,
@@ -24,10 +26,18 @@ from savmap_shelves.boundaries.features import (
     sorted_separators,
     upright_edges,
 )
+from savmap_shelves.boundaries.measuring import LYING_PARTS, STANDING_PARTS
 from savmap_shelves.boundaries.settings import BoundarySettings
 from savmap_shelves.boundaries.strips import Strips
+from savmap_shelves.lab.rack import Curve, Rack, beam_curve, upright_curve, upright_starts
 
 SIGMA_PX = 0.7
+UPRIGHT_SIDES: tuple[Side, Side] = ("left", "right")
+BEAM_SIDES: tuple[Side, Side] = ("lower", "upper")
+OUTWARDS = np.array([-1.0, 1.0]), np.array([1.0, -1.0])
+"""The direction in pictures, across, from the middle of a member to its edges, of uprights and of beams."""
+REACH = 3.0
+"""What is further ahead or behind, in distances from the face, is not measured."""
 
 
 @dataclass(frozen=True)
@@ -46,23 +56,57 @@ class Truth:
         return f"bay {self.section + 1} / beam {self.level + 1}"
 
 
-def strips(built: Built, row: str) -> list[Strip]:
-    """The fronts of a mapped row's uprights, left to right, then of its beams, by section from the bottom up."""
-    fronts = row_fronts(built, row)
-    uprights = sorted(
-        (front for front in fronts if front.label == "upright"), key=lambda front: (front.low, front.high)
-    )
-    starts = np.array([front.low[0] for front in uprights])
-    beams = sorted(
-        (int((starts < front.low[0]).sum()) - 1, front.low[1], front.low, front.high, front)
-        for front in fronts
-        if front.label == "beam"
-    )
-    sections = [section for section, *_ in beams]
-    return [tall_strip(front, Truth("upright", number)) for number, front in enumerate(uprights)] + [
-        long_strip(beam[-1], Truth("beam", beam[0], index - sections.index(beam[0])))
-        for index, beam in enumerate(beams)
+@dataclass(frozen=True, eq=False)
+class BuiltMember:
+    """A member of a rack: which, where its two edges would be across it, m, if it did not bend, how it bends, and z, m,
+    of its front."""
+
+    truth: Truth
+    edges: tuple[float, float]
+    curve: Curve
+    depth: float
+
+    def points(self, along: Floats) -> Floats:
+        """The places (2, n, 3) m on both edges that are so far (n,) m along it."""
+        across = np.array(self.edges)[:, None] + self.curve.at(along)
+        places = [across, np.broadcast_to(along, across.shape), np.full(across.shape, self.depth)]
+        order = (0, 1, 2) if self.truth.label == "upright" else (1, 0, 2)
+        return np.stack([places[k] for k in order], axis=-1)
+
+    @property
+    def strip(self) -> Strip:
+        """Its edges as straight lines: those of least squares."""
+        ends = np.array([self.curve.start, self.curve.start + self.curve.length])
+        straight = replace(self, curve=replace(self.curve, bow=0.0)).points(ends)
+        across = 0 if self.truth.label == "upright" else 1
+        straight[..., across] += 2 / 3 * self.curve.bow
+        sides = UPRIGHT_SIDES if self.truth.label == "upright" else BEAM_SIDES
+        return Strip(self.truth.label, self.truth, sides, straight)
+
+
+def members(built: Built, row: str) -> list[BuiltMember]:
+    """A row's uprights, left to right, then its beams, by section from the bottom up."""
+    rack = validated(Rack, built.scene.structures["shelves"]["rows"][row], "structures.shelves.rows")
+    standing = [
+        BuiltMember(Truth("upright", number), (x, x + rack.upright_width), upright_curve(rack, number), 0.0)
+        for number, x in enumerate(upright_starts(rack))
     ]
+    lying = [
+        BuiltMember(
+            Truth("beam", number, level),
+            (y, y + (bay.beam_height or rack.beam_height)),
+            beam_curve(rack, number, level),
+            -rack.setback,
+        )
+        for number, bay in enumerate(rack.bays)
+        for level, y in enumerate(bay.beams)
+    ]
+    return standing + lying
+
+
+def strips(built: Built, row: str) -> list[Strip]:
+    """The straight edges of `members`."""
+    return [member.strip for member in members(built, row)]
 
 
 def observe(
@@ -77,6 +121,44 @@ def observe(
     """The edges of a row's uprights and beams in every frame of a drive; see
     `savmap.lab.sim.observations.observe_strips`."""
     return observe_strips(strips(built, row), built.frames[row], path, spec, errors, seed, optics)
+
+
+def observed_parts(
+    built: Built, row: str, path: Drive, spec: ViewSpec, errors: MaskErrors, seed: int, features: Sequence[Feature]
+) -> Iterator[Feature]:
+    """Parts of the edges of the uprights and beams that `features` show, as they are measured in panoramas: off by
+    `sigma_px`, and by what `errors` says of edges, each part by itself; the picture is warped by waves about as long as
+    it is wide and high."""
+    instances = {(feature.frame, feature.object): feature.instance for feature in features if feature.object}
+    frame, rng = built.frames[row], np.random.default_rng([seed, 1 << 21])
+    covariance = np.diag([errors.sigma_px**2] * 2)[None]
+    of_row = [(member.truth, places) for member in members(built, row) for places in _parts_of(member)]
+    offsets = edge_offsets(len(of_row), len(path.origins), errors, rng)
+    waves, phases = rng.uniform(0.5, 1.5, 2) / [spec.height, spec.width], rng.uniform(0.0, 1.0, 2)
+    for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
+        view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
+        camera = frame.to_row(origin)
+        for (truth, places), off in zip(of_row, offsets[index], strict=True):
+            near = abs(places[0, 0] - camera[0]) < REACH * abs(places[0, 2] - camera[2])
+            instance = instances.get((index, truth.object))
+            if not near or instance is None:
+                continue
+            axis = 0 if truth.label == "upright" else 1
+            pixels = project((places - camera) @ view_from_row.T, spec.camera) + rng.normal(0, errors.sigma_px, (2, 2))
+            warp = np.sqrt(2.0) * errors.warped_px * np.sin(2 * np.pi * (waves * pixels[:, ::-1] + phases))
+            pixels += warp
+            pixels[:, axis] += off * OUTWARDS[axis]
+            for side, pixel in zip((UPRIGHT_SIDES, BEAM_SIDES)[axis], pixels, strict=True):
+                if (pixel > 0).all() and (pixel < [spec.width - 1, spec.height - 1]).all():
+                    name = truth.label, f"{side} part", instance
+                    yield Feature(index, spec.name, *name, pixel[None], covariance, score=0.0, object=truth.object)
+
+
+def _parts_of(member: BuiltMember) -> Iterator[Floats]:
+    """The middle (2, 3) m, on both edges, of each part that a member's edges are measured in."""
+    count = STANDING_PARTS if member.truth.label == "upright" else LYING_PARTS
+    along = member.curve.start + member.curve.length * (np.arange(count) + 0.5) / count
+    yield from np.swapaxes(member.points(along), 0, 1)
 
 
 def observed_features(

@@ -7,6 +7,11 @@ import numpy as np
 
 from savmap.lab.scenes import RandomSection, RowPlace, RowSize, Site
 from savmap.lab.sim.random_scene import random_color
+from savmap.types import Floats
+
+LEANS_PERMILLE, BOWS_SHARE, SAGS_SHARE = (1.0, 12.0), (0.001, 0.008), (0.001, 0.012)
+"""Of deformed members: mm in 1 m, and shares of their length. The limits of standards lie inside."""
+LEVEL_PERMILLE = 1.0
 
 
 def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | None) -> RandomSection | None:
@@ -22,6 +27,29 @@ def random_section(rng: np.random.Generator, site: Site, drawn: RandomSection | 
     rows, racks = _rows(rng, site.aisle, rack, other)
     sizes = {name: _size(rack) for name, rack in racks.items()}
     return RandomSection({"rows": racks}, rows, sizes, (rack["upright_color"], rack["beam_color"]))
+
+
+def deformed(rack: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """A rack, as a scene file has it, with members out of shape: every other upright leans, and half of these are
+    bowed, too; every third beam sags. Beams are as level as floors and connectors leave them, `LEVEL_PERMILLE` each."""
+    count = len(rack["bays"]) + 1
+    leaning = rng.permutation(count) < (count + 1) // 2
+    leans = np.where(leaning, _either_way(rng, LEANS_PERMILLE, count), 0.0)
+    bowed = leaning & (rng.random(count) < 0.5)
+    bows = np.where(bowed, float(rack["height"]) * _either_way(rng, BOWS_SHARE, count), 0.0)
+    bays = [_deformed_bay(rng, bay) for bay in rack["bays"]]
+    return {**rack, "bays": bays, "leans": leans.round(3).tolist(), "bows": bows.round(5).tolist()}
+
+
+def _deformed_bay(rng: np.random.Generator, bay: Mapping[str, Any]) -> dict[str, Any]:
+    count = len(bay["beams"])
+    tilts = LEVEL_PERMILLE * (rng.normal() + rng.normal(size=count))
+    sags = np.where(rng.random(count) < 1 / 3, bay["width"] * rng.uniform(*SAGS_SHARE, count), 0.0)
+    return {**bay, "tilts": tilts.round(3).tolist(), "sags": sags.round(5).tolist()}
+
+
+def _either_way(rng: np.random.Generator, sizes: tuple[float, float], count: int) -> Floats:
+    return np.asarray(rng.uniform(*sizes, count) * rng.choice([-1.0, 1.0], count))
 
 
 def starts(rack: Mapping[str, Any]) -> list[float]:

@@ -25,7 +25,20 @@ from savmap.lab.scenes import (
     span,
     validated,
 )
-from savmap_shelves.lab.rack import Bay, Rack, Texture, top_of, upright_starts
+from savmap_shelves.lab.rack import (
+    Bay,
+    Curve,
+    Rack,
+    Texture,
+    beam_curve,
+    curves_of,
+    top_of,
+    upright_curve,
+    upright_starts,
+)
+
+OVERLAP_M = 0.001
+"""By which the pieces of a bent member are longer, so that no gap shows between them."""
 
 
 class Racks(Strict):
@@ -59,12 +72,24 @@ def scene(section: Mapping[str, Any], rng: np.random.Generator, site: Site) -> S
 
 
 def survey_of(rack: Rack) -> dict[str, Any]:
-    """A rack's entry of a survey file: uprights and sections."""
-    sections = [[[y, y + _beam_height(rack, bay)] for y in bay.beams] for bay in rack.bays]
-    return {
-        "uprights": [[x, x + rack.upright_width] for x in upright_starts(rack)],
-        "sections": [{"beams": beams} for beams in sections],
+    """A rack's entry of a survey file: uprights and sections, each member where it is on average over its length; and
+    how members lean, are bowed, tilted and sag, where any does."""
+    uprights, sections = [], []
+    for number, start in enumerate(upright_starts(rack)):
+        x = start + upright_curve(rack, number).mean
+        uprights.append([x, x + rack.upright_width])
+    for number, bay in enumerate(rack.bays):
+        bottoms = [y + beam_curve(rack, number, level).mean for level, y in enumerate(bay.beams)]
+        sections.append({"beams": [[y, y + _beam_height(rack, bay)] for y in bottoms]})
+    if all(curve.is_straight for curve in curves_of(rack)):
+        return {"uprights": uprights, "sections": sections}
+    shapes = {
+        "leans_permille": rack.leans,
+        "bows_m": rack.bows,
+        "tilts_permille": [bay.tilts for bay in rack.bays],
+        "sags_m": [bay.sags for bay in rack.bays],
     }
+    return {"uprights": uprights, "sections": sections, "shapes": shapes}
 
 
 def _references(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -112,11 +137,35 @@ def _placed(box: Box, frame: RowFrame) -> Box:
 
 
 def _rack(rack: Rack, rng: np.random.Generator) -> Iterator[Box]:
-    for start in upright_starts(rack):
-        yield from _frame(rack, start, rng)
-    for bay, start in zip(rack.bays, upright_starts(rack), strict=False):
-        for bottom in bay.beams:
-            yield from _level(rack, bay, start + rack.upright_width, bottom, rng)
+    for number, start in enumerate(upright_starts(rack)):
+        yield from _frame(rack, start, upright_curve(rack, number), rng)
+    for number, bay in enumerate(rack.bays):
+        for level, bottom in enumerate(bay.beams):
+            yield from _level(rack, bay, bottom, beam_curve(rack, number, level), rng)
+
+
+def _standing(curve: Curve, x: tuple[float, float], z: tuple[float, float], paint: Material) -> Iterator[Box]:
+    """The pieces of an upright member that stands at x where its curve does not move it."""
+    for low, high in curve.pieces:
+        box = span(x, (low, high), z, paint)
+        yield box if curve.is_straight else _moved(box, 1, curve.at(low), curve.at(high))
+
+
+def _lying(curve: Curve, y: tuple[float, float], z: tuple[float, float], paint: Material) -> Iterator[Box]:
+    """The pieces of a level member that lies at y where its curve does not move it."""
+    for low, high in curve.pieces:
+        box = span((low, high), y, z, paint)
+        yield box if curve.is_straight else _moved(box, 0, curve.at(low), curve.at(high))
+
+
+def _moved(box: Box, axis: int, first: float, last: float) -> Box:
+    """A box along x or y, with its ends so far (m) to the side along the other of these axes."""
+    angle = float(np.arctan2(last - first, box.size[axis])) * (-1 if axis == 1 else 1)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+    center, size = box.center.copy(), box.size.copy()
+    center[1 - axis] += (first + last) / 2
+    size[axis] += OVERLAP_M
+    return replace(box, center=center, size=size, rotation=turn)
 
 
 def _paint(rack: Rack, color: Rgb, texture: Texture, rng: np.random.Generator) -> Material:
@@ -133,22 +182,24 @@ def _paint(rack: Rack, color: Rgb, texture: Texture, rng: np.random.Generator) -
     )
 
 
-def _frame(rack: Rack, start: float, rng: np.random.Generator) -> Iterator[Box]:
+def _frame(rack: Rack, start: float, curve: Curve, rng: np.random.Generator) -> Iterator[Box]:
     x = (start, start + rack.upright_width)
-    y = (0.0, top_of(rack))
-    front = span(x, y, (-rack.upright_depth, 0.0), _paint(rack, rack.upright_color, rack.upright_texture, rng))
-    yield replace(front, face_labels={"+z": "upright"})
+    front = _paint(rack, rack.upright_color, rack.upright_texture, rng)
+    for piece in _standing(curve, x, (-rack.upright_depth, 0.0), front):
+        yield replace(piece, face_labels={"+z": "upright"})
     rear = _paint(rack, rack.rear_color or rack.upright_color, "plain", rng)
-    yield span(x, y, (-rack.depth, -rack.depth + rack.upright_depth), replace(rear, texture=rack.upright_texture))
+    z = (-rack.depth, -rack.depth + rack.upright_depth)
+    yield from _standing(curve, x, z, replace(rear, texture=rack.upright_texture))
     if rack.bracing:
-        yield from _bracing(rack, (x[0] + x[1]) / 2, rear, rng)
+        yield from _bracing(rack, (x[0] + x[1]) / 2, curve, rear, rng)
     if rng.random() < rack.guards:
         yield _guard(rack, x, rng)
     if rng.random() < rack.signs:
-        yield _sign(rack, x, rng)
+        sign = _sign(rack, x, rng)
+        yield replace(sign, center=sign.center + np.array([curve.at(sign.center[1]), 0.0, 0.0]))
 
 
-def _bracing(rack: Rack, x: float, paint: Material, rng: np.random.Generator) -> Iterator[Box]:
+def _bracing(rack: Rack, x: float, curve: Curve, paint: Material, rng: np.random.Generator) -> Iterator[Box]:
     step = float(rng.uniform(0.7, 1.3))
     z = (-rack.depth + rack.upright_depth, -rack.upright_depth)
     run = z[1] - z[0]
@@ -156,25 +207,28 @@ def _bracing(rack: Rack, x: float, paint: Material, rng: np.random.Generator) ->
     for index, y in enumerate(heights):
         slope = np.arctan2(step, run) * (1 if index % 2 else -1)
         turn = np.array([[1, 0, 0], [0, np.cos(slope), -np.sin(slope)], [0, np.sin(slope), np.cos(slope)]])
-        yield Box(np.array([x, y + step / 2, sum(z) / 2]), np.array([0.03, 0.03, np.hypot(step, run)]), paint, turn)
+        at = x + curve.at(y + step / 2)
+        yield Box(np.array([at, y + step / 2, sum(z) / 2]), np.array([0.03, 0.03, np.hypot(step, run)]), paint, turn)
         if index == 0:
-            yield span((x - 0.015, x + 0.015), (y, y + 0.04), z, paint)
+            yield span((at - 0.015, at + 0.015), (y, y + 0.04), z, paint)
 
 
-def _level(rack: Rack, bay: Bay, left: float, bottom: float, rng: np.random.Generator) -> Iterator[Box]:
-    x, y = (left, left + bay.width), (bottom, bottom + _beam_height(rack, bay))
+def _level(rack: Rack, bay: Bay, bottom: float, curve: Curve, rng: np.random.Generator) -> Iterator[Box]:
+    y = (bottom, bottom + _beam_height(rack, bay))
     front = -rack.setback
     paint = _paint(rack, rack.beam_color, rack.beam_texture, rng)
-    yield replace(span(x, y, (front - rack.beam_thickness, front), paint), face_labels={"+z": "beam"})
+    for piece in _lying(curve, y, (front - rack.beam_thickness, front), paint):
+        yield replace(piece, face_labels={"+z": "beam"})
     rear = _paint(rack, rack.rear_color or rack.beam_color, "plain", rng)
-    yield span(x, y, (-rack.depth, -rack.depth + rack.beam_thickness), rear)
-    yield from _deck(rack, x, y[1], rng)
-    yield from _beam_labels(rack, x, y, rng)
+    yield from _lying(curve, y, (-rack.depth, -rack.depth + rack.beam_thickness), rear)
+    yield from _deck(rack, y[1], curve, rng)
+    for label in _beam_labels(rack, (curve.start, curve.start + curve.length), y, rng):
+        yield replace(label, center=label.center + np.array([0.0, curve.at(label.center[0]), 0.0]))
 
 
-def _deck(rack: Rack, x: tuple[float, float], top: float, rng: np.random.Generator) -> Iterator[Box]:
+def _deck(rack: Rack, top: float, curve: Curve, rng: np.random.Generator) -> Iterator[Box]:
     if rack.deck == "none":
-        yield from _cross_bars(rack, x, top)
+        yield from _cross_bars(rack, top, curve)
         return
     looks: dict[str, Material] = {
         "steel": Material(rack.deck_color, "scratches", (0.15, 0.15, 0.15), 0.8, 0.3, metallic=rack.metallic),
@@ -183,29 +237,33 @@ def _deck(rack: Rack, x: tuple[float, float], top: float, rng: np.random.Generat
     }
     z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
     thickness = 0.02 if rack.deck != "steel" else 0.03
-    yield span(x, (top - thickness, top - 0.0005), z, replace(looks[rack.deck], seed=int(rng.integers(1 << 30))))
+    paint = replace(looks[rack.deck], seed=int(rng.integers(1 << 30)))
+    yield from _lying(curve, (top - thickness, top - 0.0005), z, paint)
 
 
-def _cross_bars(rack: Rack, x: tuple[float, float], top: float) -> Iterator[Box]:
+def _cross_bars(rack: Rack, top: float, curve: Curve) -> Iterator[Box]:
     bar = Material(rack.rear_color or rack.beam_color)
     z = (-rack.depth + rack.beam_thickness, -rack.setback - rack.beam_thickness)
-    for middle in np.linspace(x[0], x[1], 5)[1:-1]:
-        yield span((middle - 0.02, middle + 0.02), (top - 0.04, top - 0.001), z, bar)
+    for middle in np.linspace(curve.start, curve.start + curve.length, 5)[1:-1]:
+        at = top + curve.at(middle)
+        yield span((middle - 0.02, middle + 0.02), (at - 0.04, at - 0.001), z, bar)
 
 
 def _supports(rack: Rack, frame: RowFrame) -> Iterator[Support]:
-    starts = upright_starts(rack)
-    for bay, start in zip(rack.bays, starts, strict=False):
+    for number, (bay, start) in enumerate(zip(rack.bays, upright_starts(rack), strict=False)):
         if bay.empty:
             continue
-        x = (start + rack.upright_width + 0.02, start + rack.upright_width + bay.width - 0.02)
-        tops = [y + _beam_height(rack, bay) for y in bay.beams]
+        on_floor = Curve(start + rack.upright_width, bay.width)
+        curves = [beam_curve(rack, number, level) for level in range(len(bay.beams))]
+        levels = [(y + _beam_height(rack, bay), curve) for y, curve in zip(bay.beams, curves, strict=True)]
         if not bay.beams or bay.beams[0] > 0.4:
             tunnel = not bay.beams or bay.beams[0] > 2.4
-            tops = tops if tunnel else [0.0, *tops]
-        for top in tops:
+            levels = levels if tunnel else [(0.0, on_floor), *levels]
+        for top, curve in levels:
             above = [y for y in bay.beams if y > top]
-            yield Support(frame, x, (-rack.depth, 0.0), top, (above[0] if above else top + 1.2) - top)
+            x = (curve.start + 0.02, curve.start + curve.length - 0.02)
+            y = top + max(curve.at(curve.start + curve.length), 0.0)
+            yield Support(frame, x, (-rack.depth, 0.0), y, (above[0] if above else top + 1.2) - top)
 
 
 def _guard(rack: Rack, x: tuple[float, float], rng: np.random.Generator) -> Box:
