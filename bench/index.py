@@ -92,6 +92,11 @@ BENCHES: Mapping[str, Bench] = {
     "dark-pictures": Bench("(a tool) Labelled pictures of dark, thin racks for fine-tuning", 2),
     "cost": Bench("What do `savmap map` and each stage of it cost, beside decoding alone?", 20),
     "viewer": Bench("Does the viewer of a large site open and turn quickly?", 2, {"MB": "less"}),
+    "inspection": Bench(
+        "Are uprights and beams that are out of shape named, no others, and are standard deviations true?",
+        15,
+        {"named %": "more", "falsely named %": "less", "refused": "less"},
+    ),
     "exports": Bench("What do all formats cost, and do validators find fault with them?", 3, {"faults": "less"}),
 }
 

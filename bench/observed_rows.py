@@ -31,7 +31,7 @@ from savmap.vision.markers import MarkerTracks
 from savmap_shelves.association import track_structures
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.constrain import BiasSettings
-from savmap_shelves.lab.observed import observe, observed_features
+from savmap_shelves.lab.observed import observe, observed_features, observed_parts
 from savmap_shelves.mapping import describe
 from savmap_shelves.report.evaluation import evaluate
 
@@ -112,8 +112,11 @@ def driven_along(
     rng: np.random.Generator,
     errors: MaskErrors,
     frames_a_section: int = 20,
+    view: ViewSpec = VIEW,
+    parts: bool = False,
 ) -> DrivenRow:
-    """A rack and what a camera saw that was pushed along it once; `rng` draws the camera's height."""
+    """A rack and what a camera saw that was pushed along it once; `rng` draws the camera's height. `parts`: of edges,
+    each by itself, too."""
     sections = len(shelves["bays"])
     length = sum(bay["width"] + 0.1 for bay in shelves["bays"]) + 0.1
     cart = {
@@ -137,11 +140,12 @@ def driven_along(
     )
     built = build(scene)
     path = drive(scene.cart, seed)
-    edges = observe(built, "A", path, VIEW, errors, seed)
+    edges = observe(built, "A", path, view, errors, seed)
     nominal = max(errors.sigma_px, 0.3)
-    features = [feature for frame in edges for feature in observed_features(frame, VIEW, nominal)]
+    features = [feature for frame in edges for feature in observed_features(frame, view, nominal)]
+    features += observed_parts(built, "A", path, view, errors, seed, features) if parts else ()
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
-    facts = RowFacts("A", table, {VIEW.name: VIEW}, {"pass 1": 1})
+    facts = RowFacts("A", table, {view.name: view}, {"pass 1": 1})
     measurements = RowMeasurements(
         facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), MarkerTracks({}, {})
     )
