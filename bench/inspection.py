@@ -81,7 +81,7 @@ def deformed_scene(seed: int, frames: int) -> Scene:
 
 def shapes(structures: Sequence[Structure], made: Rack) -> Iterator[Shape]:
     """What was measured of members that are numbered as those of the rack."""
-    inspection = inspect(structures, (), None, ShelvesLimits(), None, "shelves")
+    inspection = inspect(structures, (), None, ShelvesLimits(), None, None, "shelves")
     findings = {(finding.subjects[0], CODES[finding.code]): finding for finding in inspection.findings}
     for structure in structures:
         curve = true_curve(structure, made)
