@@ -499,7 +499,7 @@ def measured(
 def networks(plugin: str) -> list[Path]:
     """The networks that a plugin comes with, its own first. Raises PluginError."""
     found = load_class(plugin)
-    return [Path(found.model), *map(Path, getattr(found, "further_models", ()))]
+    return [Path(found.model)]
 
 
 def thresholds(given: argparse.Namespace) -> Thresholds:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.files.atomic import file_name, write_bytes
-from savmap.pipeline.view_plans import plan_pass
+from savmap.pipeline.view_plans import plan_pass, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass, pass_names
@@ -65,7 +65,8 @@ def preview(
 ) -> PassPreview:
     """Write the picture of one pass; gives what the views were chosen by. Raises SavmapError's kinds."""
     renderer = Renderer()
-    aimed, pass_preview = plan_pass(name, row_pass, plugins, segmenters, renderer, attitude)
+    pass_preview = preview_of(row_pass.clip, renderer)
+    aimed = plan_pass(name, row_pass, plugins, segmenters, pass_preview, attitude)
     picture = overview(pass_preview.keys, list(dict.fromkeys(aimed.views().values())), renderer)
     write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
     return pass_preview

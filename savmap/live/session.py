@@ -37,8 +37,8 @@ from savmap.live.assistant import (
 )
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest
 from savmap.pipeline.drive import RowWalk
-from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.records import RowRequest
+from savmap.pipeline.view_plans import plan_pass
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, prepare
 from savmap.site.model import pass_names
@@ -266,16 +266,17 @@ class LiveMapping:
             begins = np.linspace(0, len(first) - 2, PAIRS).astype(int)
             pairs = [(first[number], first[number + 1]) for number in begins]
             name, row_pass = pass_names(self.request.passes)[0], self.request.passes[0]
+            plugins = self.request.plugins
             try:
                 preview = PassPreview.of_frames(keys, pairs, self._renderer)
                 attitude = self.request.attitudes.get(name)
-                plugins, plan = with_best_networks(name, row_pass, self.request.plugins, preview, attitude)
+                plan = plan_pass(name, row_pass, plugins, SegmenterPool(plugins), preview, attitude)
             except StructureError as error:
                 self._reply = MapReply(None, str(error), 0, 0.0, is_unseen=True)
                 self._looked_for = min(self._looked_for + PREVIEWED, MOST_PREVIEWED)
                 self._frames.drop(PREVIEWED if len(first) >= MOST_PREVIEWED else 0)
             else:
-                self._begin(LivePlan.of(plugins, plan))
+                self._begin(LivePlan(dict(plan.plans), plan.warnings))
         return True
 
     def _take_up(self) -> None:
@@ -289,8 +290,8 @@ class LiveMapping:
         self._reply = MapReply(None, "", 0, 0.0)
         if not self._journal.has(PLAN, 0):
             self._journal.add(PLAN, 0, live_plan)
-        _, plugins, plan = planned = live_plan.planned(self.request)
-        self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
+        _, plan = planned = live_plan.planned(self.request)
+        self._walk = RowWalk(planned, SegmenterPool(self.request.plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
         self._follow_attitude(plan.attitude())
         self._mapper = Mapper(self.job, self.row, self._key, live_plan, self._others)

@@ -16,7 +16,6 @@ import numpy as np
 from savmap.errors import SavmapError, StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
-from savmap.pipeline.networks import network_lines, with_best_networks
 from savmap.pipeline.records import (
     DriveFrame,
     FrameRecord,
@@ -63,8 +62,8 @@ from savmap.vision.views import Region, Renderer
 WORKERS, DEPTH = 2, 3
 CutKind = TypeVar("CutKind", bound=Cut)
 
-Planned = tuple[RowRequest, Sequence[LoadedPlugin], PassPlan]
-"""A row, its plugins with the networks that see most, and the views of its first pass."""
+Planned = tuple[RowRequest, PassPlan]
+"""A row and the views of its first pass."""
 Rendered = tuple[Sequence[View], Sequence[Cut], PanoramaStrip | None] | FrameRecord
 """Of a frame: views, cuts and a strip, or what was kept of it."""
 
@@ -93,8 +92,8 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     previews: dict[Footage, PassPreview] = {}
     planned = each(requests, lambda row: _planned(row, previews, renderer, monitor))
     previews.clear()
-    networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
-    segmenters = SegmenterPool(networks)
+    plugins = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[0].plugins]
+    segmenters = SegmenterPool(plugins)
     close_unused()
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
     for footage in dict.fromkeys(row_pass.footage for request in requests for row_pass in request.passes):
@@ -118,7 +117,7 @@ def without_failed(rows: "Sequence[RowWalk]") -> "list[RowWalk]":
 
 
 def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Renderer, monitor: Monitor) -> Planned:
-    """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its
+    """Choose the views of the first pass. Rows that are seen in the same footage share its
     preview."""
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
@@ -126,9 +125,8 @@ def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Re
     monitor.note(f"row {row.name}, {name}: choosing the views")
     if row_pass.footage not in previews:
         previews[row_pass.footage] = preview_of(row_pass.clip, renderer)
-    preview = previews[row_pass.footage]
-    plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name))
-    return row, plugins, plan
+    preview, attitude = previews[row_pass.footage], row.attitudes.get(name)
+    return row, plan_pass(name, row_pass, row.plugins, SegmenterPool(row.plugins), preview, attitude)
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
@@ -265,7 +263,8 @@ class RowWalk:
     markers are followed."""
 
     def __init__(self, planned: Planned, segmenters: SegmenterPool, renderer: Renderer, journal: Journal) -> None:
-        self.request, self.plugins, first_plan = planned
+        self.request, first_plan = planned
+        self.plugins = self.request.plugins
         self.name, self.journal = self.request.name, journal
         self.segmenters, self.renderer = segmenters, renderer
         names = zip(pass_names(self.request.passes), self.request.passes, strict=True)
@@ -294,10 +293,7 @@ class RowWalk:
             plugin.name: [] for plugin in self.plugins if plugin.has("find")
         }
         self.locators: set[str] = set()
-        self.notes: list[str] = [
-            *segmenters.notes,
-            *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
-        ]
+        self.notes: list[str] = [*segmenters.notes]
         self.cuts: list[Cut] = []
         self.warnings: list[MapWarning] = []
         self.skipped = 0
@@ -317,7 +313,8 @@ class RowWalk:
         else:
             monitor.note(f"row {self.name}, {name}: choosing the views")
             attitude = self.request.attitudes.get(name)
-            self.plan, _ = plan_pass(name, row_pass, self.plugins, self.segmenters, self.renderer, attitude)
+            preview = preview_of(row_pass.clip, self.renderer)
+            self.plan = plan_pass(name, row_pass, self.plugins, self.segmenters, preview, attitude)
         self.first, self._region = len(self.pass_of), None
         self.views |= {spec.name: spec for spec in self.plan.views().values()}
         self.travel[name] = self.plan.travel()

@@ -66,23 +66,22 @@ def plan_pass(
     row_pass: Pass,
     plugins: Sequence[LoadedPlugin],
     segmenters: SegmenterPool,
-    renderer: Renderer,
+    pass_preview: PassPreview,
     attitude: Floats | None,
-) -> tuple[PassPlan, PassPreview]:
+) -> PassPlan:
     """Ask every plugin for its views of a pass, in the order of `face_first`. The attitude that one finds is given to
     those after it.
 
     `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no
-    panoramas.
+    panoramas, StructureError where a plugin finds no structure.
     """
-    pass_preview = preview_of(row_pass.clip, renderer)
     warnings = require_panoramas(row_pass.clip.path, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
     plans = {plugin.name: plans[plugin.name] for plugin in plugins}
-    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings), pass_preview
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings)
 
 
 def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:

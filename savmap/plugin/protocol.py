@@ -64,8 +64,6 @@ class Plugin(Protocol):
       has is refused before any work.
     - `Limits: type[BaseModel]`: the limits of its inspection, each with a default; it refuses unknown keys.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
-    - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
-      place in rows where it sees clearly more (`savmap.pipeline.networks`).
     """
 
     @property

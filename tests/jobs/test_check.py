@@ -23,6 +23,7 @@ from savmap.video.clip import Clip, DecodeReport
 from savmap.video.reader import panoramas
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
+from savmap.vision.views import Renderer
 
 from ..video.made_up_video import evenly, write_recording, write_video
 from ..video.spherical_boxes import insert, stereo
@@ -239,13 +240,15 @@ def test_a_file_that_is_cut_off_is_short_for_both(folder: Path, share: float) ->
 
 
 def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def aimed(name: str, one: Any, *_: object) -> tuple[PassPlan, PassPreview]:
+    def aimed(name: str, one: Any, *_: object) -> PassPlan:
+        return PassPlan(name, Clip(one.video), {"all": ViewPlan((ViewSpec("face", 0.0),))})
+
+    def previewed(clip: Clip, renderer: Renderer) -> PassPreview:
         keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
-        return PassPlan(name, Clip(one.video), {"all": ViewPlan((ViewSpec("face", 0.0),))}), PassPreview(
-            keys, (), None, np.eye(3)
-        )  # type: ignore[arg-type]
+        return PassPreview(keys, (), renderer, np.eye(3))
 
     monkeypatch.setattr("savmap.jobs.preview.plan_pass", aimed)
+    monkeypatch.setattr("savmap.jobs.preview.preview_of", previewed)
     lines, code = checked(
         folder,
         GOOD + "  B/1:\n    passes: [{video: a.mp4, side: left}, {video: a.mp4, side: left, fps: 8}]\n",

@@ -48,7 +48,6 @@ class Shelves:
     name = "shelves"
     classes = ("upright", "beam")
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
-    further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings
     Limits = ShelvesLimits
     reference_names = (

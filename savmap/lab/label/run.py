@@ -13,7 +13,7 @@ from savmap.errors import SiteError, StructureError
 from savmap.lab.label.formats import LabelledPicture, LabelledSet, require_unused, write_set
 from savmap.lab.label.polygons import outlines
 from savmap.lab.label.worth import SeenView, chosen, descriptor, disagreement, ranks, seen_view, uncertainty
-from savmap.pipeline.view_plans import PassPlan, plan_pass
+from savmap.pipeline.view_plans import PassPlan, plan_pass, preview_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, job_for, plugins_for, prepare
@@ -132,7 +132,7 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
         loaded = next(loaded for loaded in opened if loaded.name == plugin)
         for name, row_pass in zip(pass_names(content.passes), content.passes, strict=True):
             monitor.note(f"row {row}, {name}: aiming the views")
-            aimed, _ = plan_pass(name, row_pass, opened, segmenters, renderer, None)
+            aimed = plan_pass(name, row_pass, opened, segmenters, preview_of(row_pass.clip, renderer), None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
             frames = expected_frames(aimed.clip, probe(aimed.clip.path))
             recordings.append(Recording(row, loaded, aimed, specs, frames))
