@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.types import FaceDepths, Floats, PlanePatch, RowStrips, Trajectory
+from savmap.types import FaceDepths, Floats, PlanePatch, RowStrips, Trajectory, array_record
 from savmap.vision.orthophoto import Canvas, Shot, pixel_m, shots_of
 
 Bytes = NDArray[np.uint8]
@@ -78,6 +78,7 @@ def neighbours(shots: Sequence[Shot], number: int) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class _Windows:
     """The windows around a picture's pixels (h, w), grey levels: their means and their standard deviations, of noise,
     too."""
