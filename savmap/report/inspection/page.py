@@ -13,7 +13,8 @@ from savmap.report.templating import rendered_page
 from savmap.types import Finding, FindingTable, Inspection, Orthophoto, SiteMap, Structure
 
 WORST = 10
-DECIMALS: Mapping[str, int] = {"mm": 1, "m": 3, "mm/m": 2}
+DECIMALS: Mapping[str, int] = {"mm": 1, "m": 3, "mm/m": 2, "": 4}
+"""By unit; "" is a share, such as sag over span."""
 LINE_STYLES = {"red": "failed", "amber": "off"}
 
 
