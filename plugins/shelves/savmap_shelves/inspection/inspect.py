@@ -65,37 +65,26 @@ def _close_ups(structures: Sequence[Structure]) -> Iterator[CloseUp]:
 def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new: bool) -> Iterator[Finding]:
     """How far uprights lean and are bowed, and beams sag, where that was measured; `is_new`: by the limits of a new
     rack."""
+    of_lean = limits.out_of_plumb_permille if is_new else limits.lean_permille
     for structure in structures:
         lean, bow, sag = (structure.attributes.get(key) for key in (LEAN, BOW, SAG))
-        place = tuple(structure.vertices.mean(axis=0).tolist())
+        span = float(np.ptp(structure.vertices[:, 0]))
         if isinstance(lean, Measured):
-            limit = limits.out_of_plumb_permille if is_new else limits.lean_permille
-            finding = Finding(
-                "out-of-plumb",
-                f"{structure.id} leans along the aisle",
-                subjects=(structure.id,),
-                unit="mm/m",
-                action="measure it with a plumb line; unload the bay where it is red",
-                place=place,
-            )
-            yield limit.finding(finding, lean)
+            finding = _finding(structure, "out-of-plumb", "leans along the aisle", "mm/m", "a plumb line", "the bay")
+            yield of_lean.finding(finding, lean)
         if isinstance(bow, Measured):
-            finding = Finding(
-                "upright-bow",
-                f"{structure.id} is bowed along the aisle",
-                subjects=(structure.id,),
-                unit="mm/m",
-                action="measure it with a straight edge; unload the bay where it is red",
-                place=place,
+            finding = _finding(
+                structure, "upright-bow", "is bowed along the aisle", "mm/m", "a straight edge", "the bay"
             )
             yield limits.bow_permille.finding(finding, bow)
         if isinstance(sag, Measured):
-            span = float(structure.vertices[:, 0].max() - structure.vertices[:, 0].min())
-            finding = Finding(
-                "beam-sag",
-                f"{structure.id} sags, as a share of its span",
-                subjects=(structure.id,),
-                action="measure it with a line; unload it where it is red",
-                place=place,
-            )
+            finding = _finding(structure, "beam-sag", "sags, as a share of its span", "", "a line", "it")
             yield limits.sag_share.finding(finding, Measured(sag.value / span, sag.sigma / span))
+
+
+def _finding(structure: Structure, code: str, what: str, unit: str, tool: str, unloaded: str) -> Finding:
+    """About a member's shape, without its value."""
+    x, y, z = structure.vertices.mean(axis=0).tolist()
+    action = f"measure it with {tool}; unload {unloaded} where it is red"
+    title = f"{structure.id} {what}"
+    return Finding(code, title, subjects=(structure.id,), unit=unit, action=action, place=(x, y, z))

@@ -238,10 +238,9 @@ def _log_sum(values: Floats) -> Floats:
     return np.asarray(most + np.log(np.exp(values - most).sum(axis=0)))
 
 
-def log_odds(view: SlotView, parameters: SlotParameters) -> float:
-    """Of goods in a slot."""
-    scores = GoodsScores.of(view, parameters)
-    log_sets = float(log_partitions([scores.intervals()], scores.widths, 0)[0])
+def log_odds(intervals: Floats, widths: Ints) -> float:
+    """Of goods in a slot, by the scores (n, w) of all intervals of these widths (w,)."""
+    log_sets = float(log_partitions([intervals], widths, 0)[0])
     return log_sets + float(np.log(-np.expm1(-max(log_sets, 1e-9))))
 
 
@@ -256,14 +255,15 @@ def occupancy_of(slot: Structure, depths: FaceDepths, parameters: SlotParameters
     scores = GoodsScores.of(view, parameters)
     if not len(scores.widths):
         return Occupancy(slot, 0.5)
-    probability = float(1 / (1 + np.exp(-np.clip(log_odds(view, parameters), -50, 50))))
+    intervals = scores.intervals()
+    probability = float(1 / (1 + np.exp(-np.clip(log_odds(intervals, scores.widths), -50, 50))))
     width, height = (_size(slot, name) for name in ("clear_width_m", "clear_height_m"))
     occupancy = Occupancy(slot, probability)
     if occupancy.state == "empty":
         return Occupancy(slot, probability, width, height)
     if occupancy.state == "unknown":
         return occupancy
-    (goods,) = best_intervals([scores.intervals()], scores.widths, 0)
+    (goods,) = best_intervals([intervals], scores.widths, 0)
     over, top = _fronts_and_tops(goods, scores, view)
     free_height = None if height is None else Measured(max(height.value - top.value, 0.0), top.sigma)
     return Occupancy(slot, probability, _free_width(goods, view, corners), free_height, over)

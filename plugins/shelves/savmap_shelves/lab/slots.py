@@ -13,6 +13,7 @@ from savmap_shelves.inspection.occupancy import (
     LEAST_HEIGHT_M,
     NOWHERE,
     OVER_M,
+    GoodsScores,
     SlotCells,
     SlotParameters,
     SlotView,
@@ -164,7 +165,8 @@ def fit(examples: Sequence[Example]) -> SlotParameters:
         )
 
     def loss(x: Floats) -> float:
-        odds = np.array([log_odds(example.view, parameters(x)) for example in examples])
+        scores = (GoodsScores.of(example.view, parameters(x)) for example in examples)
+        odds = np.array([log_odds(goods.intervals(), goods.widths) for goods in scores])
         signs = np.array([1 if example.is_occupied else -1 for example in examples])
         return float(np.logaddexp(0.0, -np.clip(signs * odds, -MOST_ODDS, MOST_ODDS)).sum()) + 0.5 * float(x @ x)
 
