@@ -1,7 +1,8 @@
 """What the command `live` does and prints."""
 
 from collections.abc import Iterable
-from contextlib import ExitStack
+from contextlib import nullcontext
+from pathlib import Path
 
 from savmap.cli.console import Console
 from savmap.cli.mapping import map_and_print
@@ -31,8 +32,7 @@ def walk_and_print(
     mapped."""
     output = job.walked.output
     prepare(output)
-    with locked(output), _begun(job, resume, splits) as live, ExitStack() as opened:
-        recorder = opened.enter_context(MapRecorder(output / RECORD, chunked=False)) if records else None
+    with locked(output), _recording(output, records) as recorder, _begun(job, resume, splits) as live:
         teller = _Teller(live, recorder)
         try:
             for panorama in frames:
@@ -44,6 +44,10 @@ def walk_and_print(
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
     map_and_print(_with_rows_found(job) if splits else job.recorded)
+
+
+def _recording(output: Path, records: bool) -> MapRecorder | nullcontext[None]:
+    return MapRecorder(output / RECORD, chunked=False) if records else nullcontext()
 
 
 def _begun(job: LiveJob, resume: bool, splits: bool) -> LiveRows | LiveMapping:
