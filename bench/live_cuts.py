@@ -136,6 +136,8 @@ class Walks:
     def _compare(self, output: Path, expected: str) -> None:
         same = (output / "map.json").is_file() and sha256(output / "map.json") == expected
         self.totals["same bytes at the end" if same else "OTHER BYTES at the end"] += 1
+        if not same:
+            shutil.copytree(output, self.folder / f"other-{output.name}", dirs_exist_ok=True)
 
     def _count_faults(self, output: Path) -> None:
         self.totals["a map is there" if (output / "map.json").is_file() else "no map yet"] += 1

@@ -113,8 +113,11 @@ def _camera_pictures(address: str, recording: Path) -> Source:
 
 
 def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "StreamCopy") -> Source:
+    """Pictures with their times. The last packet of a source may be cut off, and whether a decoder with several threads
+    calls its picture damaged changes from run to run: it is not recorded."""
     reformatter, first_s = VideoReformatter(), None
     packets = source.demux(stream)
+    latest: av.Packet[VideoStream] | None = None
     while True:
         try:
             packet = next(packets, None)
@@ -126,7 +129,9 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
         with suppress(av.error.InvalidDataError):
             frames = [frame for frame in packet.decode() if isinstance(frame, VideoFrame)]
         if packet.dts is not None:
-            copy.write(packet)
+            if latest is not None:
+                copy.write(latest)
+            latest = packet
         for frame in frames:
             if frame.time is not None:
                 first_s = frame.time if first_s is None else first_s
