@@ -130,7 +130,7 @@ def inspect(
     and no inspection by itself.
 
     limits: a file of limits, or what stands in it; default: the plugins'. drawing: what was ordered or built: a survey
-    file, or a table or drawing as `import_survey` reads it. folder: of the run that made the map, whose pictures tell
+    file, or a table, drawing or building model as `import_survey` reads it. folder: of the run that made the map, whose pictures tell
     what is behind the faces; default: the one that the map is read from. Raises SiteError for limits that are wrong,
     OutputError for a file that cannot be read, PluginError for a plugin that fails.
     """
@@ -146,7 +146,7 @@ def inspect(
 
 
 def _survey_of(source: PathLike | Survey | None, site_map: SiteMap) -> Survey | None:
-    """A survey, that of a file, or that of a table or drawing whose rows the map places."""
+    """A survey, that of a file, or that of a table, drawing or model whose rows the map places."""
     if source is None or isinstance(source, Survey):
         return source
     path = where(source)
@@ -223,24 +223,27 @@ def import_survey(
     row: str | None = None,
     frame: str | None = None,
 ) -> ImportedSurvey:
-    """A survey out of tables (CSV) and drawings (DXF), to be written with `write_survey`.
+    """A survey out of tables (CSV), drawings (DXF) and building models (IFC), to be written with `write_survey`.
 
     site_map: says where rows stand, with its alignment; or places: "A=X,Y,HEADING", where a row's origin is in your
     world. columns: the name or number of a table's column for "row", "id", "label", "vertex", "x", "y", "z", "text".
-    labels: what a layer or a code is called here. unit: of lengths, where the file does not say it. row: of what names
-    none. frame: "row", "site" or "world".
+    labels: what a layer, a code, a class or a type is called here. unit: of lengths, where the file does not say it.
+    row: of what names none. frame: "row", "site" or "world".
 
     Raises SiteError for an option that is wrong, OutputError for a file that cannot be read, or does not say enough.
     """
     stand = RowPlaces(site_map if site_map is None else _map_of(site_map), dict(map(place_of, _several(places) or [])))
     options = options_of(columns or {}, labels or {}, unit, row, frame, bool(stand))
     files = [where(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
-    classes = {name: tuple(plugin.classes) for name, plugin in load_installed().classes.items()}
+    plugins = load_installed().classes
+    classes = {name: tuple(plugin.classes) for name, plugin in plugins.items()}
     names = {label.casefold(): label for labels_of_plugin in classes.values() for label in labels_of_plugin}
-    elements = [element for path in files for element in elements_of(path, options, names)]
-    moved, notes = in_rows(elements, stand, row)
+    for plugin in plugins.values():
+        names |= {theirs.casefold(): label for theirs, label in getattr(plugin, "ifc_classes", {}).items()}
+    read = [elements_of(path, options, names) for path in files]
+    moved, notes = in_rows([element for file in read for element in file.elements], stand, row)
     result = survey_of(moved, classes, lambda name, entry: open_plugin(name, {}).survey_entry(entry))
-    return replace(result, notes=(*notes, *result.notes))
+    return replace(result, notes=(*(note for file in read for note in file.notes), *notes, *result.notes))
 
 
 def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = None) -> Path:

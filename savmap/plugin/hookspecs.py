@@ -200,8 +200,8 @@ def survey_entry(structures: Sequence[Structure]) -> "SurveyEntry":
     """Import of a survey: what somebody measured of a row, as the plugin's keys of the row's entry in a survey file,
     which `evaluate` reads.
 
-    `structures`: elements of the plugin's classes in the row's frame, from a table or a drawing: points in any order,
-    whose labels may be empty. Default: nothing, the plugin takes no survey of that kind."""
+    `structures`: elements of the plugin's classes in the row's frame, from a table, a drawing or a building model (the
+    corners of a box): points in any order, whose labels may be empty. Default: nothing, the plugin takes no survey of that kind."""
 
 
 @hookspec(firstresult=True)

@@ -130,7 +130,7 @@ def _nowhere(_: Mapping[str, Any]) -> Trajectory:
 
 def _no_survey(asked: Mapping[str, Any]) -> SurveyEntry:
     return SurveyEntry(
-        {}, {structure.id: "its plugin reads no tables or drawings" for structure in asked["structures"]}
+        {}, {structure.id: "its plugin reads no tables, drawings or models" for structure in asked["structures"]}
     )
 
 

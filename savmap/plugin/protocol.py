@@ -1,7 +1,7 @@
 """What a plugin's class must have, as a type and as a check, and the settings that every plugin takes."""
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
@@ -63,6 +63,8 @@ class Plugin(Protocol):
       with "#" for each number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them
       has is refused before any work.
     - `Limits: type[BaseModel]`: the limits of its inspection, each with a default; it refuses unknown keys.
+    - `ifc_classes: Mapping[str, str]`: by classes of building models, such as "IfcColumn", the label that elements of
+      this class have where a survey is imported.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
     - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
       place in rows where it sees clearly more (`savmap.pipeline.networks`).
@@ -135,6 +137,9 @@ def _attribute_faults(plugin_class: Any) -> Iterator[str]:
     names = getattr(plugin_class, "reference_names", ())
     if not (isinstance(names, tuple) and all(isinstance(name, str) for name in names)):
         yield "`reference_names` must be a tuple of names"
+    labels = getattr(plugin_class, "ifc_classes", {})
+    if not (isinstance(labels, Mapping) and all(isinstance(text, str) for pair in labels.items() for text in pair)):
+        yield "`ifc_classes` must be a mapping of classes of IFC to labels"
     config = getattr(plugin_class, "Config", None)
     yield from _model_faults("Config", config)
     if hasattr(plugin_class, "Limits"):

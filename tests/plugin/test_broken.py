@@ -21,11 +21,14 @@ MODULES = {
     "unimportable": "import a_module_that_is_not_there\n",
     "leaving": "raise SystemExit(0)\n",
     "incomplete": "class Plugin:\n    name = 'incomplete'\n",
+    "misled": "from pathlib import Path\nclass Plugin:\n    name, classes, model = 'misled', ('post',), Path('m')\n"
+    "    ifc_classes = {'IfcColumn': ('post',)}\n",
 }
 REASONS = {
     "unimportable": "cannot be imported: ModuleNotFoundError: No module named 'a_module_that_is_not_there'",
     "leaving": "cannot be imported: SystemExit: 0",
     "incomplete": "cannot be used: `classes` must be a tuple of names",
+    "misled": "cannot be used: `ifc_classes` must be a mapping of classes of IFC to labels",
 }
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -68,6 +68,7 @@ class Lights:
 
     name = "lights"
     classes = ("light",)
+    ifc_classes: ClassVar = {"IfcLightFixture": "light"}
     model = Path(__file__).parent / "model" / "lights.int8.onnx"
     Config = Settings
     reference_names = tuple(f"light # / {part}" for part in ("centre", "end #", "glimpse", "middle", "side"))

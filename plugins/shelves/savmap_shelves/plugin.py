@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
@@ -47,6 +47,7 @@ class Shelves:
 
     name = "shelves"
     classes = ("upright", "beam")
+    ifc_classes: ClassVar = {"IfcColumn": "upright", "IfcBeam": "beam"}
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
     further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings

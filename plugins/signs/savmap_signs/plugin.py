@@ -6,7 +6,7 @@ fast.
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from savmap.geometry.pinhole import angles_from_rotation, rig_from_view
 from savmap.plugin.hookspecs import hookimpl
@@ -46,6 +46,7 @@ class Signs:
     name = "signs"
     needs_path = True
     classes = ("sign",)
+    ifc_classes: ClassVar = {"IfcSign": "sign"}
     model = Path(__file__).parent / "model" / "signs.int8.onnx"
     Config = Settings
     Limits = SignsLimits

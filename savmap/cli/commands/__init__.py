@@ -25,7 +25,9 @@ COMMANDS: Mapping[str, Command] = {
     "view": Command(f"{_COMMANDS}.results:view", "Look at a map in the browser: 3D, panoramas, search, measuring."),
     "export": Command(f"{_COMMANDS}.results:export", "Write a map in another format."),
     "align": Command(f"{_COMMANDS}.results:align", "Say where a finished map stands in your own world."),
-    "import": Command(f"{_COMMANDS}.surveys:import_", "Make a survey file out of measured tables and drawings."),
+    "import": Command(
+        f"{_COMMANDS}.surveys:import_", "Make a survey file out of tables, drawings and building models."
+    ),
     "find": Command(f"{_COMMANDS}.results:find", "Say where in a map a structure is, or a place between them."),
     "measure": Command(f"{_COMMANDS}.results:measure", "Say how far two vertices are apart, and how sure that is."),
     "plugins": Command(f"{_COMMANDS}.installation:plugins", "List the installed plugins."),

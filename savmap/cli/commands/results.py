@@ -59,7 +59,8 @@ def inspect(
         Path | None, typer.Option(metavar="FILE", help="A file of limits; docs/inspection.md has all of them.")
     ] = None,
     drawing: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A survey file, table or drawing to compare with.")
+        Path | None,
+        typer.Option(metavar="FILE", help="A survey file, table, drawing or building model to compare with."),
     ] = None,
     output: Annotated[
         Path | None,

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def import_(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Tables (.csv, .tsv, .txt) and drawings (.dxf).")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE", help="Tables (.csv, .tsv, .txt), drawings (.dxf), models (.ifc).")
+    ],
     output: Annotated[Path, output_option("The survey file to write.")] = Path("survey.json"),
     map_file: Annotated[
         Path | None,
@@ -42,7 +44,9 @@ def import_(
     ] = None,
     layer: Annotated[
         list[str] | None,
-        typer.Option("--layer", metavar="NAME=LABEL", help="What a layer or a code holds, such as POSTS=upright."),
+        typer.Option(
+            "--layer", metavar="NAME=LABEL", help="What a layer, code, class or type is here, such as POSTS=upright."
+        ),
     ] = None,
     columns: Annotated[
         list[str] | None,
@@ -51,7 +55,7 @@ def import_(
         ),
     ] = None,
 ) -> None:
-    """Make a survey file out of tables and drawings of what somebody measured."""
+    """Make a survey file out of tables, drawings and building models: what somebody measured, or planned."""
     from savmap.jobs.api import import_survey
     from savmap.maps.survey import write_survey
 

@@ -1,1 +1,1 @@
-"""Surveys out of tables (CSV) and drawings (DXF)."""
+"""Surveys out of tables (CSV), drawings (DXF) and building models (IFC)."""

@@ -78,6 +78,23 @@ class SurveyElement:
     structure: Structure
 
 
+@dataclass(frozen=True, eq=False)
+class FileElements:
+    """The elements of a file, and notes on what was left out."""
+
+    elements: tuple[SurveyElement, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ModelRequest:
+    """How a building model is to be read. `labels`: those of the plugins, by themselves and by classes of IFC in lower
+    case."""
+
+    options: ImportOptions
+    labels: Mapping[str, str]
+
+
 def element(
     name: str,
     label: str,

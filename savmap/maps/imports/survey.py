@@ -1,5 +1,6 @@
-"""Surveys out of the files that surveyors and their spreadsheets write: elements, of tables (`table`) and drawings
-(`drawing`), are put into their rows' frames, and each plugin makes its part of each row's entry of them.
+"""Surveys out of the files that surveyors and their spreadsheets write: elements, of tables (`table`), drawings
+(`drawing`) and building models (`model`), are put into their rows' frames, and each plugin makes its part of each row's
+entry of them.
 
 Where rows stand in the frame of a survey is known by a map with its alignment, or by the place of each row's origin in
 the user's world.
@@ -8,36 +9,42 @@ the user's world.
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import OutputError, SiteError
 from savmap.maps.exports.frames import Z_UP, transformed, world_from_row
-from savmap.maps.imports.records import ImportOptions, SurveyElement, listed
+from savmap.maps.imports.records import FileElements, ImportOptions, SurveyElement, listed
 from savmap.maps.schema import FARTHEST_M
 from savmap.types import Alignment, Floats, SiteMap, Structure, Survey, SurveyEntry
 
 DRAWINGS = (".dxf",)
+MODELS = (".ifc",)
 TABLES = (".csv", ".tsv", ".txt", ".asc", ".xyz")
 NEAR_M = 2.0
 """What is further from all that was mapped of a row does not belong to it."""
 EntryHook = Callable[[str, Sequence[Structure]], SurveyEntry]
 
 
-def elements_of(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
-    """The elements that a file holds, by its ending. `labels`: those of the plugins, by themselves in lower case.
-    Raises OutputError with one line: file, place, problem."""
+def elements_of(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> FileElements:
+    """The elements that a file holds, by its ending. `labels`: those of the plugins, by themselves and by classes of
+    building models in lower case. Raises OutputError with one line: file, place, problem."""
     ending = path.suffix.lower()
     if ending in DRAWINGS:
         from savmap.maps.imports.drawing import read_drawing  # only here: it is slow to load
 
-        return read_drawing(path, options, labels)
+        return FileElements(tuple(read_drawing(path, options, labels)))
+    if ending in MODELS:
+        from savmap.maps.imports.model import read_model
+
+        return read_model(path, options, labels)
     if ending in TABLES:
         from savmap.maps.imports.table import read_table
 
-        return read_table(path, options, labels)
-    raise OutputError(f"{path}: surveys are read from {', '.join((*TABLES, *DRAWINGS))}")
+        return FileElements(tuple(read_table(path, options, labels)))
+    raise OutputError(f"{path}: surveys are read from {', '.join((*TABLES, *DRAWINGS, *MODELS))}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +62,14 @@ class RowPlaces:
     def rows(self) -> list[str]:
         """The rows of which the place is known."""
         return list(dict.fromkeys((*self.given, *(self.site.rows if self.site else ()))))
+
+    @cached_property
+    def boxes(self) -> Mapping[str, Floats]:
+        """The lowest and the highest coordinates (2, 3) m of what was mapped of each row, in its frame."""
+        structures = {name: row.structures.values() for name, row in (self.site.rows if self.site else {}).items()}
+        mapped = {name: [part.vertices for group in groups for part in group] for name, groups in structures.items()}
+        points = {name: np.concatenate(parts) for name, parts in mapped.items() if parts}
+        return {name: np.stack([at.min(axis=0), at.max(axis=0)]) for name, at in points.items() if len(at)}
 
     def row_from(self, frame: str, row: str) -> Floats:
         """Transform (4, 4) from a frame to a row's. Raises OutputError where the row's place in it is not known."""
@@ -85,17 +100,27 @@ def inverse(transform: Floats) -> Floats:
 def in_rows(
     elements: Sequence[SurveyElement], places: RowPlaces, row: str | None
 ) -> tuple[list[SurveyElement], list[str]]:
-    """The elements in their rows' frames, and a note of those that belong to no row. `row`: that of what names none.
-    Raises OutputError."""
+    """The elements in their rows' frames, and a note of those that belong to no row: they are far from all, or, where
+    the map has a single row and nothing says that they are of it, from its face, near which others are. `row`: that of
+    what names none. Raises OutputError."""
     moved, astray = list[SurveyElement](), list[str]()
-    for element in elements:
-        placed = _in_row(element, places, row)
+    across = [_is_across(element, places, row) for element in elements]
+    for element, elsewhere in zip(elements, across, strict=True):
+        placed = None if elsewhere and not all(across) else _in_row(element, places, row)
         if placed is None:
             astray.append(element.structure.id)
         else:
             moved.append(placed)
     notes = [f"further than {NEAR_M:g} m from every row, left out: {len(astray)} ({listed(astray)})"] if astray else []
     return moved, notes
+
+
+def _is_across(element: SurveyElement, places: RowPlaces, row: str | None) -> bool:
+    """Whether an element that names no row is across an aisle, or behind the rack, of the only one."""
+    if element.row or row or element.frame == "row" or len(places.rows) > 1 or not places.boxes:
+        return False
+    structure = _moved(element, places.rows[0], places).structure
+    return bool(_beyond_m(structure, places.boxes[places.rows[0]])[2] > NEAR_M)
 
 
 def _in_row(element: SurveyElement, places: RowPlaces, row: str | None) -> SurveyElement | None:
@@ -109,19 +134,20 @@ def _in_row(element: SurveyElement, places: RowPlaces, row: str | None) -> Surve
     tried = [_moved(element, name, places) for name in site.rows if name in site.placements]
     if not tried:
         raise OutputError("the map does not say where its rows stand: say with --row of which row the survey is")
-    distances = [_distance_m(moved.structure, site, moved.row) for moved in tried]
+    boxes = places.boxes
+    distances = [
+        float(np.linalg.norm(_beyond_m(moved.structure, boxes[moved.row]))) if moved.row in boxes else np.inf
+        for moved in tried
+    ]
     best = int(np.argmin(distances))
     return tried[best] if distances[best] <= NEAR_M else None
 
 
-def _distance_m(structure: Structure, site: SiteMap, row: str) -> float:
-    """How far the middle of a structure is from the box around what was mapped of a row, m."""
-    mapped = [other.vertices for group in site.rows[row].structures.values() for other in group]
-    if not mapped or not len(structure.vertices):
-        return np.inf
-    points, middle = np.concatenate(mapped), structure.vertices.mean(axis=0)
-    beyond = np.maximum(np.maximum(points.min(axis=0) - middle, middle - points.max(axis=0)), 0.0)
-    return float(np.linalg.norm(beyond))
+def _beyond_m(structure: Structure, box: Floats) -> Floats:
+    """How far the middle of a structure is from a box (2, 3) along each axis (3,), m."""
+    middle = structure.vertices.mean(axis=0)
+    beyond: Floats = np.maximum(np.maximum(box[0] - middle, middle - box[1]), 0.0)
+    return beyond
 
 
 def _moved(element: SurveyElement, row: str, places: RowPlaces) -> SurveyElement:
@@ -192,9 +218,16 @@ def survey_of(
             structures = by_plugin[plugin]
             entry = _entry(row, plugin, structures, entry_of)
             rows[row] |= entry.values
-            notes += [f"row {row}: {listed([name])} is left out: {why}" for name, why in entry.left_out.items()]
+            notes += _left_out(row, entry.left_out)
             counts[row] |= Counter(structure.label for structure in structures if structure.id not in entry.left_out)
     return ImportedSurvey(Survey(rows), counts, tuple(notes))
+
+
+def _left_out(row: str, reasons: Mapping[str, str]) -> Iterator[str]:
+    """A line for each reason why elements, by their ids, are left out."""
+    for why in dict.fromkeys(reasons.values()):
+        names = [name for name, reason in reasons.items() if reason == why]
+        yield f"row {row}: {listed(names)} {'is' if len(names) == 1 else 'are'} left out: {why}"
 
 
 def _entry(row: str, plugin: str, structures: Sequence[Structure], entry_of: EntryHook) -> SurveyEntry:

@@ -25,7 +25,7 @@ def empty(units: int = 6) -> Any:
 
 def read(folder: Path, document: Any, options: ImportOptions | None = None) -> list[SurveyElement]:
     document.saveas(folder / "plan.dxf")
-    return elements_of(folder / "plan.dxf", options or ImportOptions(), LABELS)
+    return list(elements_of(folder / "plan.dxf", options or ImportOptions(), LABELS).elements)
 
 
 def corners(one: SurveyElement) -> list[list[float]]:
@@ -118,7 +118,7 @@ def test_line_ends_may_be_any_and_a_binary_drawing_says_what_to_do(tmp_path: Pat
     plain = read(tmp_path, document)
     content = (tmp_path / "plan.dxf").read_bytes().replace(b"\r\n", b"\n")
     (tmp_path / "plan.dxf").write_bytes(content.replace(b"\n", b"\r\n"))
-    ends = elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)
+    ends = elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS).elements
     document.saveas(tmp_path / "plan.dxf", fmt="bin")
     with pytest.raises(OutputError, match="is a binary DXF drawing, which is not read: save it as DXF in text"):
         elements_of(tmp_path / "plan.dxf", ImportOptions(), LABELS)

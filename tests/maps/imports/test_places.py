@@ -65,6 +65,17 @@ def test_what_is_far_from_every_row_is_left_out(site: SiteMap) -> None:
     assert in_rows([far], RowPlaces(site), None) == ([], ["further than 2 m from every row, left out: 1 (bar 7)"])
 
 
+def test_of_a_map_of_a_single_row_what_is_across_the_aisle_is_left_out_unless_all_is(site: SiteMap) -> None:
+    alone = RowPlaces(replace(site, rows={"A": site.rows["A"]}, placements={"A": site.placements["A"]}))
+    world = world_from_row(site, "A")
+    shifts = np.array([[0, 0, 0], [50, 0, 1.5], [0, 0, -3.2]])
+    near, beyond, behind = (found(moved(POINTS + shift, world), "world") for shift in shifts)
+    kept, notes = in_rows([near, beyond, behind], alone, None)
+    assert [len(kept), *notes] == [2, "further than 2 m from every row, left out: 1 (bar 7)"]
+    assert len(in_rows([near, behind], alone, "A")[0]) == 2
+    assert len(in_rows([behind, behind], alone, None)[0]) == 2
+
+
 def test_a_place_says_where_a_row_stands() -> None:
     name, world = place_of("north=1=10,20,90")
     assert name == "north=1"
@@ -127,6 +138,8 @@ def test_each_plugin_makes_its_part_of_the_entries() -> None:
         "note: labels that no plugin takes, left out: 1 wall",
         "note: row A: bar 1 is left out: it is odd",
     ]
+    odd = survey_of(twice, {"bars": ("bar",)}, lambda _, own: SurveyEntry({}, {part.id: "odd" for part in own}))
+    assert odd.notes == ("row A: bar 1, bar 2 are left out: odd",)
 
 
 def test_nothing_that_a_plugin_takes_is_refused() -> None:

@@ -20,7 +20,7 @@ def read(
 ) -> list[SurveyElement]:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return elements_of(path, options or ImportOptions(), LABELS)
+    return list(elements_of(path, options or ImportOptions(), LABELS).elements)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 from savmap.maps.exports.models.bodies import body_of
 from savmap.types import Floats, Structure
 from savmap_lights.open_ends import COMPACT_M, STRIP_M, THICKNESS_M, common_length, with_solids
+from savmap_lights.plugin import Lights
 
 
 def lamp(*vertices: tuple[float, float, float]) -> Structure:
@@ -32,7 +33,7 @@ def sizes(*vertices: tuple[float, float, float]) -> Floats:
     solid = with_solids([lamp(*vertices)])[0].solid
     assert solid is not None
     assert solid.assumed
-    assert solid.ifc_class == "IfcLightFixture"
+    assert Lights.ifc_classes[solid.ifc_class] == "light"
     body = body_of(solid)
     assert body is not None
     middle = (body.points[:, 1].min() + body.points[:, 1].max()) / 2

@@ -79,10 +79,39 @@ def require_no_error(site: SiteMap, survey: Any) -> None:
         assert not any([*lost, *(own.missing + own.spurious for own in score.distances.values())])
 
 
-@pytest.mark.parametrize("ending", ["csv", pytest.param("dxf", marks=pytest.mark.extra("cad"))])
-def test_own_exports_come_back_without_an_error(site: SiteMap, ending: str, tmp_path: Path) -> None:
-    path = savmap.export(site, tmp_path / f"map.{ending}")
-    require_no_error(site, savmap.import_survey(path, site).survey)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "csv",
+        pytest.param("dxf", marks=pytest.mark.extra("cad")),
+        pytest.param("ifc", marks=pytest.mark.extra("bim")),
+        pytest.param("ifc4x3", marks=pytest.mark.extra("bim")),
+    ],
+)
+def test_own_exports_come_back_without_an_error(site: SiteMap, name: str, tmp_path: Path) -> None:
+    path = savmap.export(site, tmp_path / f"map.{name.removesuffix('4x3')}", name)
+    survey = savmap.import_survey(path, site).survey
+    require_no_error(site, survey)
+    table = savmap.import_survey(savmap.export(site, tmp_path / "map.csv"), site).survey
+    assert [sign["text"] for sign in survey.rows["A"]["signs"]] == [sign["text"] for sign in table.rows["A"]["signs"]]
+    for key in ("uprights", "lights"):
+        assert str(survey.rows["B"][key]).count("[") == str(table.rows["B"][key]).count("[")
+
+
+@pytest.mark.extra("bim")
+def test_what_was_moved_in_an_own_model_stands_where_it_is_now(site: SiteMap, tmp_path: Path) -> None:
+    import ifcopenshell
+
+    path = savmap.export(site, tmp_path / "map.ifc")
+    model = ifcopenshell.open(str(path))
+    upright = next(element for element in model.by_type("IfcColumn") if element.Name == "upright 2")
+    place = upright.ObjectPlacement.RelativePlacement.Location
+    along = np.array([np.cos(np.deg2rad(-45)), np.sin(np.deg2rad(-45)), 0])
+    place.Coordinates = (np.array(place.Coordinates) + 0.05 * along).tolist()
+    model.write(str(path))
+    moved = savmap.import_survey(path, site).survey.rows["A"]["uprights"]
+    shift = np.array([[0], [0.05], [0], [0], [0]])
+    assert np.array(moved) == pytest.approx(surveyed_row()["uprights"] + shift, abs=1e-3)
 
 
 def test_a_survey_of_the_users_world_is_used(site: SiteMap, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -185,3 +214,13 @@ def test_a_survey_of_lamps_alone_scores_lamps_alone(site: SiteMap, tmp_path: Pat
     score = savmap.evaluate(alone, survey).rows["A"]
     assert (score.errors, score.missing) == ({}, {})
     assert score.distances["lights"].distances_m == pytest.approx([0.0], abs=1e-6)
+
+
+def test_what_stands_behind_the_face_is_no_second_member() -> None:
+    row = structures_of(surveyed_row())
+    back = [replace(part, id=f"{part.id} back", vertices=part.vertices - np.array([0, 0, 1.1])) for part in row]
+    opposite = np.array([0.03, 0, 2.9])
+    across = [replace(part, id=f"{part.id} across", vertices=part.vertices + opposite) for part in row]
+    entry = survey_entry([*back, *across, *row])
+    assert entry.values == survey_entry(row).values
+    assert set(entry.left_out) == {part.id for part in (*back, *across)}

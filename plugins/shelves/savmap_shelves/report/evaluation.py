@@ -283,6 +283,8 @@ def _score(
     )
 
 
+BEHIND_M = 0.3
+"""Between the fronts of members in front of one another: racks are 0.6 m deep and more, a face is within 0.1 m."""
 NEAR_END = 0.25
 """The share of an element's extent that counts as its end: all its points there make up the edge."""
 NARROWEST_M = 1e-3
@@ -291,11 +293,13 @@ SIDES = {0: ("left", "right"), 1: ("lower", "upper")}
 
 def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
     """Uprights from left to right, and the beams between each two from the floor up. A beam beside the outermost
-    uprights is left out.
+    uprights is left out, and what is in front of or behind what is nearer to the face: a model has the rack's back,
+    too.
 
     Raises OutputError where uprights are missing, overlap or have no width."""
-    uprights = _ordered_intervals([part for part in structures if part.label == "upright"], 0)
-    beams = [part for part in structures if part.label == "beam"]
+    posts, other_posts = _of_face([part for part in structures if part.label == "upright"], (0,))
+    beams, other_beams = _of_face([part for part in structures if part.label == "beam"], (0, 1))
+    uprights = _ordered_intervals(posts, 0)
     if len(uprights) < 2:
         raise OutputError(f"a survey of beams needs the uprights at their sides: there are {len(uprights)}")
     between = np.searchsorted([interval.mean() for _, interval in uprights], [_middle_x(beam) for beam in beams])
@@ -305,8 +309,24 @@ def survey_entry(structures: Sequence[Structure]) -> SurveyEntry:
     sections = [{"beams": [interval.tolist() for _, interval in _ordered_intervals(bay, 1)]} for bay in bays[1:-1]]
     values: dict[str, Any] = {"uprights": [interval.tolist() for _, interval in uprights], "sections": sections}
     read_row(values)
-    outside = dict.fromkeys((beam.id for beam in (*bays[0], *bays[-1])), "it lies beside the outermost uprights")
-    return SurveyEntry(values, outside)
+    others = dict.fromkeys((part.id for part in (*other_posts, *other_beams)), "something else is nearer to the face")
+    outside = dict.fromkeys((beam.id for beam in (*bays[0], *bays[-1])), "beside the outermost uprights")
+    return SurveyEntry(values, others | outside)
+
+
+def _of_face(structures: Sequence[Structure], axes: tuple[int, ...]) -> tuple[list[Structure], list[Structure]]:
+    """The members of the face, and those that stand in front of or behind one: they overlap along these axes."""
+    extents = np.array([[part.vertices.min(axis=0), part.vertices.max(axis=0)] for part in structures])
+    face, others = list[int](), list[Structure]()
+    for k in np.argsort([abs(part.vertices[:, 2].max()) for part in structures], kind="stable").tolist():
+        low, high = extents[k]
+        overlap = np.minimum(extents[face, 1], high) - np.maximum(extents[face, 0], low)
+        behind = abs(extents[face, 1, 2] - high[2]) > BEHIND_M
+        if ((overlap[:, axes] > 0).all(axis=1) & behind).any():
+            others.append(structures[k])
+        else:
+            face.append(k)
+    return [structures[k] for k in sorted(face)], others
 
 
 def _ordered_intervals(structures: Sequence[Structure], axis: int) -> list[tuple[str, Floats]]:
