@@ -130,9 +130,9 @@ def inspect(
     and no inspection by itself.
 
     limits: a file of limits, or what stands in it; default: the plugins'. drawing: what was ordered or built: a survey
-    file, or a table, drawing or building model as `import_survey` reads it. folder: of the run that made the map, whose pictures tell
-    what is behind the faces; default: the one that the map is read from. Raises SiteError for limits that are wrong,
-    OutputError for a file that cannot be read, PluginError for a plugin that fails.
+    file, or a table, drawing or building model as `import_survey` reads it. folder: of the run that made the map, whose
+    pictures tell what is behind the faces; default: the one that the map is read from. Raises SiteError for limits that
+    are wrong, OutputError for a file that cannot be read, PluginError for a plugin that fails.
     """
     inspected = _map_of(site_map)
     if folder is None and not isinstance(site_map, SiteMap):

@@ -201,7 +201,8 @@ def survey_entry(structures: Sequence[Structure]) -> "SurveyEntry":
     which `evaluate` reads.
 
     `structures`: elements of the plugin's classes in the row's frame, from a table, a drawing or a building model (the
-    corners of a box): points in any order, whose labels may be empty. Default: nothing, the plugin takes no survey of that kind."""
+    corners of a box): points in any order, whose labels may be empty. Default: nothing, the plugin takes no survey of
+    that kind."""
 
 
 @hookspec(firstresult=True)
