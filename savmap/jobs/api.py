@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -242,7 +242,8 @@ def import_survey(
         names |= {theirs.casefold(): label for theirs, label in getattr(plugin, "ifc_classes", {}).items()}
     read = [elements_of(path, options, names) for path in files]
     moved, notes = in_rows([element for file in read for element in file.elements], stand, row)
-    result = survey_of(moved, classes, lambda name, entry: open_plugin(name, {}).survey_entry(entry))
+    opened = cache(lambda name: open_plugin(name, {}))  # for all rows: finding installed packages takes a while
+    result = survey_of(moved, classes, lambda name, entry: opened(name).survey_entry(entry))
     return replace(result, notes=(*(note for file in read for note in file.notes), *notes, *result.notes))
 
 

@@ -18,7 +18,7 @@ from savmap.errors import OutputError, SiteError
 from savmap.maps.exports.frames import Z_UP, transformed, world_from_row
 from savmap.maps.imports.records import FileElements, ImportOptions, SurveyElement, listed
 from savmap.maps.schema import FARTHEST_M
-from savmap.types import Alignment, Floats, SiteMap, Structure, Survey, SurveyEntry
+from savmap.types import Alignment, Floats, RowMap, SiteMap, Structure, Survey, SurveyEntry
 
 DRAWINGS = (".dxf",)
 MODELS = (".ifc",)
@@ -65,11 +65,19 @@ class RowPlaces:
 
     @cached_property
     def boxes(self) -> Mapping[str, Floats]:
-        """The lowest and the highest coordinates (2, 3) m of what was mapped of each row, in its frame."""
-        structures = {name: row.structures.values() for name, row in (self.site.rows if self.site else {}).items()}
-        mapped = {name: [part.vertices for group in groups for part in group] for name, groups in structures.items()}
-        points = {name: np.concatenate(parts) for name, parts in mapped.items() if parts}
-        return {name: np.stack([at.min(axis=0), at.max(axis=0)]) for name, at in points.items() if len(at)}
+        """The lowest and the highest coordinates (2, 3) m of what was mapped of each row, in its frame; of nothing, a
+        box from which all is infinitely far."""
+        return {name: _box(row) for name, row in (self.site.rows if self.site else {}).items()}
+
+    @cached_property
+    def placed(self) -> list[str]:
+        """The map's rows that are placed among others."""
+        return [name for name in self.site.rows if name in self.site.placements] if self.site else []
+
+    @cached_property
+    def placed_from(self) -> Mapping[str, Floats]:
+        """By frame, "site" or "world", the transforms (r, 4, 4) to the frames of the rows that are placed."""
+        return {frame: np.array([self.row_from(frame, row) for row in self.placed]) for frame in ("site", "world")}
 
     def row_from(self, frame: str, row: str) -> Floats:
         """Transform (4, 4) from a frame to a row's. Raises OutputError where the row's place in it is not known."""
@@ -119,8 +127,9 @@ def _is_across(element: SurveyElement, places: RowPlaces, row: str | None) -> bo
     """Whether an element that names no row is across an aisle, or behind the rack, of the only one."""
     if element.row or row or element.frame == "row" or len(places.rows) > 1 or not places.boxes:
         return False
-    structure = _moved(element, places.rows[0], places).structure
-    return bool(_beyond_m(structure, places.boxes[places.rows[0]])[2] > NEAR_M)
+    (name,) = places.rows
+    middle = _moved(element, name, places).structure.vertices.mean(axis=0)
+    return bool(_beyond_m(middle[None], places.boxes[name][None])[0, 2] > NEAR_M)
 
 
 def _in_row(element: SurveyElement, places: RowPlaces, row: str | None) -> SurveyElement | None:
@@ -128,26 +137,29 @@ def _in_row(element: SurveyElement, places: RowPlaces, row: str | None) -> Surve
     none is near."""
     if element.row or row or len(places.rows) == 1:
         return _moved(element, element.row or row or places.rows[0], places)
-    site = places.site
-    if element.frame == "row" or site is None or places.given:
+    if element.frame == "row" or places.site is None or places.given:
         raise OutputError(f"nothing says of which row {listed([element.structure.id])} is: say it with --row ROW")
-    tried = [_moved(element, name, places) for name in site.rows if name in site.placements]
-    if not tried:
+    names = places.placed
+    if not names:
         raise OutputError("the map does not say where its rows stand: say with --row of which row the survey is")
-    boxes = places.boxes
-    distances = [
-        float(np.linalg.norm(_beyond_m(moved.structure, boxes[moved.row]))) if moved.row in boxes else np.inf
-        for moved in tried
-    ]
+    transforms, boxes = places.placed_from[element.frame], np.array([places.boxes[name] for name in names])
+    middles = transforms[:, :3] @ np.append(element.structure.vertices.mean(axis=0), 1.0)
+    distances = np.linalg.norm(_beyond_m(middles, boxes), axis=1)
     best = int(np.argmin(distances))
-    return tried[best] if distances[best] <= NEAR_M else None
+    return _moved(element, names[best], places) if distances[best] <= NEAR_M else None
 
 
-def _beyond_m(structure: Structure, box: Floats) -> Floats:
-    """How far the middle of a structure is from a box (2, 3) along each axis (3,), m."""
-    middle = structure.vertices.mean(axis=0)
-    beyond: Floats = np.maximum(np.maximum(box[0] - middle, middle - box[1]), 0.0)
+def _beyond_m(points: Floats, boxes: Floats) -> Floats:
+    """How far points (n, 3) are from boxes (n, 2, 3) along each axis (n, 3), m."""
+    beyond: Floats = np.maximum(np.maximum(boxes[:, 0] - points, points - boxes[:, 1]), 0.0)
     return beyond
+
+
+def _box(row: RowMap) -> Floats:
+    """The lowest and the highest coordinates (2, 3) m of a row's structures."""
+    points = [np.zeros((0, 3)), *(part.vertices for group in row.structures.values() for part in group)]
+    mapped = np.concatenate(points)
+    return np.stack([mapped.min(axis=0, initial=np.inf), mapped.max(axis=0, initial=-np.inf)])
 
 
 def _moved(element: SurveyElement, row: str, places: RowPlaces) -> SurveyElement:
