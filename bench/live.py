@@ -44,7 +44,7 @@ from savmap.video.motion import PassWatch
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "savmap" / "demo" / "site.yaml"
 CLIPS = (ROOT / "savmap" / "demo" / "aisle-dev.mp4",)
-RATE_FPS, HOUR_FPS, HELD, STEP_MIN = 6, 1, 60, 5
+RATE_FPS, HOUR_FPS, HELD, STEP_MIN = 6, 1, 100, 5
 THERE_S, TURN_FRAMES = (2.0, 10.0), 18
 HANDS_DEG = {"left": -90.0, "right": 90.0}
 POLL_S = 0.05
@@ -168,7 +168,7 @@ def memory(clip: Path, minutes: int, folder: Path) -> Figures:
     images = [smaller(image) for _, image in read(clip)[:HELD]]
     course = [*images, *images[-2:0:-1]]
     figures: dict[str, Mapping[str, float]] = {}
-    with LiveSession(None, ["shelves"], output=folder, camera_height_m=3.055, side="left") as session:
+    with LiveSession(SITE, ["shelves"], output=folder) as session:
         for number in range(60 * minutes * HOUR_FPS):
             state = session.add(number / HOUR_FPS, course[number % len(course)])
             if (number + 1) % (60 * STEP_MIN * HOUR_FPS) == 0:
