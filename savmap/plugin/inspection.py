@@ -1,9 +1,9 @@
 """What plugins' `inspect` hooks have in common: limits with their source, as settings, and findings by them."""
 
 from dataclasses import replace
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from savmap.types import Finding, Measured, graded
 
@@ -12,14 +12,27 @@ UNVERIFIED = "not checked against the standard's text"
 
 
 class InspectionLimits(BaseModel):
-    """Limits that a site may change; inherit it for a plugin's `Limits`, each with a default and a docstring."""
+    """Limits that a site may change; inherit it for a plugin's `Limits`, each with a default and a docstring. Whether
+    large or small values are bad is as in the default."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
 
+    @field_validator("*")
+    @classmethod
+    def _same_values_are_bad(cls, value: Any, info: ValidationInfo) -> Any:
+        usual = cls.model_fields[info.field_name or ""].default
+        if isinstance(value, Limit) and isinstance(usual, Limit) and value.large_is_bad != usual.large_is_bad:
+            size, order = ("large", "larger") if usual.large_is_bad else ("small", "smaller")
+            raise ValueError(
+                f"{size} values are bad here, so red must be {order} than amber; it is amber {value.amber:g}, "
+                f"red {value.red:g} (usual: {usual.amber:.3g}, {usual.red:.3g})"
+            )
+        return value
+
 
 class Limit(InspectionLimits):
-    """What is in order up to `amber` and bad beyond `red`, in the unit of what is measured; where `red` is the smaller,
-    small values are bad."""
+    """What is in order up to `amber` and bad beyond `red`, in the unit of what is measured. A default with a smaller
+    `red` says that small values are bad, and a site's must then have one, too."""
 
     amber: Annotated[float, Field(ge=0)]
     """From here on it needs attention."""
@@ -34,9 +47,14 @@ class Limit(InspectionLimits):
             raise ValueError("amber and red must differ")
         return self
 
+    @property
+    def large_is_bad(self) -> bool:
+        """Whether values above the limit are bad."""
+        return self.red > self.amber
+
     def finding(self, finding: Finding, measured: Measured) -> Finding:
         """The finding with the value, graded. Where large values are bad, the sign does not count."""
-        size = replace(measured, value=abs(measured.value)) if self.red > self.amber else measured
+        size = replace(measured, value=abs(measured.value)) if self.large_is_bad else measured
         grade, limit, probability = graded(size, self.amber, self.red)
         return replace(
             finding,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from perfect_maps import structures_of, surveyed_row
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, SiteError
 from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.types import Finding, Measured, RowInspection, Structure
 
@@ -44,6 +44,12 @@ def test_a_map_alone_says_what_is_not_checked(shelves: LoadedPlugin) -> None:
     assert (inspection.findings, inspection.tables) == ((), ())
     assert len(inspection.unchecked) == 6
     assert "plumb" in inspection.unchecked[0]
+
+
+def test_limits_whose_red_comes_before_amber_are_refused(shelves: LoadedPlugin) -> None:
+    for key in ("lean_permille", "out_of_plumb_permille", "bow_permille", "sag_share", "bay_width_mm"):
+        with pytest.raises(SiteError, match=f"`{key}`: large values are bad here, so red must be larger than amber"):
+            shelves.limits({key: {"amber": 6, "red": 3}}, "limits")
 
 
 def test_slots_take_load_units_with_a_probability(shelves: LoadedPlugin) -> None:

@@ -199,6 +199,10 @@ def test_without_an_orthophoto_there_are_no_pictures(folder: Path) -> None:
     [
         ("plugins:\n  posts: {hight_m: {amber: 1, red: 2}}\n", "unknown key `hight_m`: did you mean `height_m`"),
         ("plugins:\n  posts: {height_m: {amber: 1, red: 1}}\n", "amber and red must differ"),
+        (
+            "plugins:\n  posts: {height_m: {amber: 1, red: 2}}\n",
+            "`height_m`: small values are bad here, so red must be",
+        ),
         ("plugins:\n  pots: {}\n", "plugins.pots: no such plugin; installed are "),
         ("plugin: {}\n", ":1: unknown key `plugin`: did you mean `plugins`?"),
         ("[1", "not valid YAML"),
