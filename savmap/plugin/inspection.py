@@ -1,11 +1,12 @@
 """What plugins' `inspect` hooks have in common: limits with their source, as settings, and findings by them."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from savmap.types import Finding, Measured, graded
+from savmap.types import AppliedLimit, Finding, Measured, graded
 
 UNVERIFIED = "not checked against the standard's text"
 """Of a source that was quoted from memory or from secondary literature."""
@@ -28,6 +29,11 @@ class InspectionLimits(BaseModel):
                 f"red {value.red:g} (usual: {usual.amber:.3g}, {usual.red:.3g})"
             )
         return value
+
+    def graded(self, key: str, finding: Finding, measured: Measured) -> Finding:
+        """The finding with the value, graded by the limit with this key, which it names."""
+        limit: Limit = getattr(self, key)
+        return replace(limit.finding(finding, measured), limit_key=key)
 
 
 class Limit(InspectionLimits):
@@ -63,25 +69,27 @@ class Limit(InspectionLimits):
             sigma=measured.sigma,
             limit=limit,
             probability=probability,
+            limit_source=self.source,
             action="" if grade == "green" else finding.action,
         )
 
 
-def limit_lines(limits: BaseModel, prefix: str = "") -> list[tuple[str, str, str]]:
-    """Name, value and source of every limit of a model that is set, for the page of an inspection."""
-    lines: list[tuple[str, str, str]] = []
-    for name in type(limits).model_fields:
-        value = getattr(limits, name)
-        if isinstance(value, Limit):
-            lines.append((prefix + name, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source))
-        elif isinstance(value, tuple):
-            lines += [
-                (f"{prefix}{name} {k}", _words(entry), getattr(entry, "source", ""))
-                for k, entry in enumerate(value, start=1)
-            ]
-        elif value is not None and name != "source":
-            lines.append((prefix + name, str(value), getattr(limits, "source", "")))
-    return lines
+def limit_lines(limits: BaseModel, keys: Collection[str], prefix: str = "") -> list[AppliedLimit]:
+    """Every limit of a model that is set and has one of these keys, for the page of an inspection."""
+    return [line for key in type(limits).model_fields if key in keys for line in _lines(limits, key, prefix)]
+
+
+def _lines(limits: BaseModel, key: str, prefix: str) -> list[AppliedLimit]:
+    value, meaning = getattr(limits, key), type(limits).model_fields[key].description or ""
+    name, source = prefix + key, str(getattr(limits, "source", ""))
+    if isinstance(value, Limit):
+        return [AppliedLimit(name, meaning, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source)]
+    if isinstance(value, tuple):
+        return [
+            AppliedLimit(f"{name} {k}", meaning, _words(entry), getattr(entry, "source", ""))
+            for k, entry in enumerate(value, start=1)
+        ]
+    return [] if value is None else [AppliedLimit(name, meaning, str(value), source)]
 
 
 def _words(entry: object) -> str:

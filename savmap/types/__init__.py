@@ -23,6 +23,7 @@ from savmap.types.evidence import FlatParts as FlatParts
 from savmap.types.evidence import FoundObject as FoundObject
 from savmap.types.evidence import PlaneEvidence as PlaneEvidence
 from savmap.types.evidence import PlanePatch as PlanePatch
+from savmap.types.inspection import AppliedLimit as AppliedLimit
 from savmap.types.inspection import CloseUp as CloseUp
 from savmap.types.inspection import Finding as Finding
 from savmap.types.inspection import FindingTable as FindingTable

@@ -21,7 +21,8 @@ class Finding:
 
     `code` names the check, `subjects` are the ids of what it is about. `value`, `sigma` and `limit` are in `unit`, None
     where nothing was measured; `probability` (0..1) is that the value lies beyond `limit`, or that the finding is true.
-    `action`: what a person should do; `place` (x, y, z), m in the row's frame: where.
+    `action`: what a person should do; `place` (x, y, z), m in the row's frame: where. `limit_key`, `limit_source`:
+    which of the plugin's limits it is, and where that comes from.
     """
 
     code: str
@@ -35,6 +36,8 @@ class Finding:
     probability: float | None = None
     action: str = ""
     place: tuple[float, float, float] | None = None
+    limit_key: str = ""
+    limit_source: str = ""
 
     def __post_init__(self) -> None:
         numbers = (self.value, self.sigma, self.limit, self.probability, *(self.place or ()))
@@ -78,21 +81,32 @@ class CloseUp:
 @dataclass(frozen=True)
 class RowInspection:
     """What a plugin says of its structures of a row: findings (what is in order, too), tables, parts to be shown, and
-    what it does not check, one line each."""
+    what it does not check, one line each. `applied`: keys of limits that were applied, beside those that findings
+    name."""
 
     findings: tuple[Finding, ...] = ()
     tables: tuple[FindingTable, ...] = ()
     close_ups: tuple[CloseUp, ...] = ()
     unchecked: tuple[str, ...] = ()
+    applied: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class AppliedLimit:
+    """A limit that was applied: its key with the plugin's name, what it is about, its value in words, its source."""
+
+    name: str
+    meaning: str
+    value: str
+    source: str
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """An inspection of a map: `rows` by row and plugin, and the limits that were used, lines of name, value and
-    source."""
+    """An inspection of a map: `rows` by row and plugin, and the limits that were applied."""
 
     rows: Mapping[str, Mapping[str, RowInspection]]
-    limits: tuple[tuple[str, str, str], ...] = field(default=())
+    limits: tuple[AppliedLimit, ...] = field(default=())
 
     def parts(self) -> Iterator[tuple[str, str, RowInspection]]:
         """Row, plugin, and what the plugin says of the row."""
@@ -103,12 +117,17 @@ class Inspection:
     def findings(self) -> list[tuple[str, str, Finding]]:
         """All findings with their row and plugin: the worst first, of one grade the most probable."""
         placed = [(row, plugin, finding) for row, plugin, part in self.parts() for finding in part.findings]
-        return sorted(placed, key=lambda item: (GRADES.index(item[2].grade), -(item[2].probability or 0.0)))
+        return sorted(placed, key=lambda item: severity(item[2]))
 
     def counts(self) -> dict[Grade, int]:
         """How many findings have each grade."""
         grades = [finding.grade for _, _, finding in self.findings()]
         return {grade: grades.count(grade) for grade in GRADES}
+
+
+def severity(finding: Finding) -> tuple[int, float]:
+    """The less, the worse: by grade, of one grade the most probable first."""
+    return GRADES.index(finding.grade), -(finding.probability or 0.0)
 
 
 def graded(measured: Measured, amber: float, red: float) -> tuple[Grade, float, float]:

@@ -82,7 +82,7 @@ def audit(
             if not labels
             else "location labels: their numbers follow no order"
         )
-        return RowInspection(tables=(_table(labels, None, {}),), unchecked=(line,))
+        return RowInspection(tables=(_table(labels, None, {}),), unchecked=(line,), applied=("pattern",))
     findings, states = list[Finding](), dict[str, str]()
     for state, named, finding in _displaced(labels, numbering):
         findings.append(finding)
@@ -95,7 +95,8 @@ def audit(
     for sign_id, finding in elsewhere.items():
         if states.setdefault(sign_id, "double") == "double":
             findings.append(finding)
-    return RowInspection((*findings, *missing), (_table(labels, numbering, states),), (), tuple(unread))
+    tables = (_table(labels, numbering, states),)
+    return RowInspection((*findings, *missing), tables, (), tuple(unread), ("pattern",))
 
 
 def _whole(place: Structure, name: str) -> int | None:

@@ -84,7 +84,8 @@ def _row_inspection(site_map: SiteMap, row: RowMap, limits: EnvelopeLimits) -> R
     if narrowest is not None and names.index(narrowest.across) < names.index(row.name):
         narrowest = None
     findings = (*_width_findings(narrowest, limits), *_height_findings(lowest, limits))
-    return RowInspection(findings, tuple(_tables(narrowest, lowest)), (), tuple(unchecked))
+    applied = ("margin_m",) if findings else ()
+    return RowInspection(findings, tuple(_tables(narrowest, lowest)), (), tuple(unchecked), applied)
 
 
 COLUMNS = ("to", "at_m", "free_m", "sigma_m")
@@ -108,7 +109,13 @@ def _width_findings(narrowest: Narrowest | None, limits: EnvelopeLimits) -> Iter
         limit = Limit(amber=limits.width_m + limits.margin_m, red=limits.width_m, source=limits.source)
         place = tuple(narrowest.place.tolist())
         finding = Finding(
-            "narrow-aisle", title, subjects=narrowest.subjects, unit="m", action="measure it by hand", place=place
+            "narrow-aisle",
+            title,
+            subjects=narrowest.subjects,
+            unit="m",
+            action="measure it by hand",
+            place=place,
+            limit_key="width_m",
         )
         yield limit.finding(finding, narrowest.width)
 
@@ -123,6 +130,7 @@ def _height_findings(lowest: Lowest | None, limits: EnvelopeLimits) -> Iterator[
             unit="m",
             action="measure it by hand",
             place=tuple(lowest.place.tolist()),
+            limit_key="height_m",
         )
         yield limit.finding(finding, lowest.height)
 

@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from savmap.types import Finding, Inspection
 FORMAT, VERSION = "savmap-inspection", 1
 COLUMNS = (
     *("row", "plugin", "code", "grade", "title", "subjects", "value", "sigma", "limit", "unit", "probability"),
-    *("action", "x_m", "y_m", "z_m"),
+    *("action", "x_m", "y_m", "z_m", "limit_key", "limit_source"),
 )
 DECIMALS = 5
 
@@ -63,7 +63,8 @@ def _cells(row: str, plugin: str, finding: Finding) -> Sequence[object]:
     place = finding.place or (None, None, None)
     named = (row, plugin, finding.code, finding.grade, finding.title, BETWEEN.join(finding.subjects))
     numbers = (finding.value, finding.sigma, finding.limit)
-    return (*named, *numbers, finding.unit, finding.probability, finding.action, *place)
+    by = finding.limit_key, finding.limit_source
+    return (*named, *numbers, finding.unit, finding.probability, finding.action, *place, *by)
 
 
 def _csv(columns: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
@@ -95,7 +96,7 @@ def json_text(inspection: Inspection) -> str:
             for row, plugin, part in inspection.parts()
             for table in part.tables
         ],
-        "limits": [dict(zip(("name", "value", "source"), line, strict=True)) for line in inspection.limits],
+        "limits": [asdict(limit) for limit in inspection.limits],
         "unchecked": list(unchecked_of(inspection)),
     }
     return json_visible(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)) + "\n"

@@ -1,6 +1,8 @@
 """The inspection of a map: every installed plugin that made it is asked about its structures, row by row."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+
+from pydantic import BaseModel
 
 from savmap.errors import SiteError
 from savmap.plugin.inspection import limit_lines
@@ -52,11 +54,28 @@ def inspect_map(
         }
     for name, part in aisle_inspections(site_map, chosen.envelope).items():
         rows[name][AISLE] = part
-    lines = (
-        *(limit_lines(chosen.envelope, "envelope: ") if "envelope" in chosen.model_fields_set else ()),
-        *(line for name, model in models.items() for line in limit_lines(model, f"{name}: ")),
+    named: dict[str, BaseModel] = {AISLE: chosen.envelope, **models}
+    return Inspection(
+        rows,
+        tuple(
+            line
+            for name, model in named.items()
+            for line in limit_lines(
+                model,
+                applied_keys([parts[name] for parts in rows.values() if name in parts], model),
+                "envelope: " if name == AISLE else f"{name}: ",
+            )
+        ),
     )
-    return Inspection(rows, lines)
+
+
+def applied_keys(parts: Sequence[RowInspection], limits: BaseModel) -> set[str]:
+    """Which limits a plugin applied; all, where it has a finding by a limit that it does not name."""
+    findings = [finding for part in parts for finding in part.findings]
+    if any(finding.limit is not None and not finding.limit_key for finding in findings):
+        return set(type(limits).model_fields)
+    named = {finding.limit_key for finding in findings if finding.limit is not None}
+    return named | {key for part in parts for key in part.applied}
 
 
 def unchecked_of(inspection: Inspection) -> Mapping[str, tuple[str, ...]]:

@@ -118,12 +118,33 @@ def test_a_tall_rack_has_the_wider_tolerance(shelves: LoadedPlugin) -> None:
     drawing["sections"][0]["beams"][5] = [5.509, 5.609]
     findings = by_subject(inspected(shelves, mapped(), survey=drawing))
     assert findings[("bay 1 / beam 6",)].limit == pytest.approx(1000 * (5.609 - 0.4) / 500)
+    assert findings[("bay 1 / beam 6",)].limit_key == "beam_height_share"
 
 
 def test_a_drawing_of_other_plugins_alone_compares_nothing(shelves: LoadedPlugin) -> None:
     assert inspected(shelves, mapped(), survey={"lights": []}).findings == ()
     with pytest.raises(OutputError, match="uprights"):
         inspected(shelves, mapped(), survey={"uprights": [[0, 1]], "sections": []})
+
+
+def test_a_drawing_takes_no_limit_away(shelves: LoadedPlugin) -> None:
+    """Of the limits of a lean that counts by which it is worse, and the finding says which."""
+    parts = mapped()
+    parts[0] = replace(parts[0], attributes={**parts[0].attributes, "lean_permille": Measured(4.0, 0.1)})
+    site = {"lean_permille": {"amber": 1.0, "red": 3.0, "source": "our handbook"}}
+    for limits, survey, grade, key, limit in (
+        ({}, None, "green", "lean_permille", 5.0),
+        ({}, surveyed_row(), "amber", "out_of_plumb_permille", 1000 / 350),
+        (site, surveyed_row(), "red", "lean_permille", 3.0),
+    ):
+        inspection = inspected(shelves, parts, limits, survey)
+        finding = by_subject(inspection)[("upright 1",)]
+        assert (finding.grade, finding.limit_key, finding.limit) == (grade, key, limit)
+        assert ("lean_permille" in inspection.applied, "out_of_plumb_permille" in inspection.applied) == (
+            True,
+            survey is not None,
+        )
+    assert finding.limit_source == "our handbook"
 
 
 def test_deformations_are_graded_where_they_were_measured(shelves: LoadedPlugin) -> None:

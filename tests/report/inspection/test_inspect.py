@@ -30,11 +30,15 @@ from savmap.plugin import (
     hookimpl,
 )
 from savmap.plugin.hookspecs import REQUIRED
-from savmap.types import FaceDepths, FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
+from savmap.report.inspection.inspect import applied_keys
+from savmap.types import AppliedLimit, FaceDepths, FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
 
 
 class PostLimits(InspectionLimits):
     height_m: Limit = Limit(amber=2.0, red=1.0, source="made up")
+    """Of a post."""
+    width_m: Limit = Limit(amber=0.1, red=0.2)
+    """Not looked at."""
 
 
 class Posts:
@@ -55,7 +59,8 @@ class Posts:
         self, structures: Sequence[Structure], limits: PostLimits, survey: dict[str, Any] | None
     ) -> RowInspection:
         findings = tuple(
-            limits.height_m.finding(
+            limits.graded(
+                "height_m",
                 Finding("low", f"height of {post.id}", subjects=(post.id,), unit="m", action="=replace it"),
                 Measured(float(np.ptp(post.vertices[:, 1])), 0.01),
             )
@@ -119,11 +124,21 @@ def test_every_plugin_is_asked_with_its_limits(installed: None) -> None:
         ("A", "posts", "post 3", "amber"),
         ("A", "posts", "post 1", "green"),
     ]
-    assert inspection.limits == (("posts: height_m", "amber 2, red 1", "made up"),)
+    assert inspection.limits == (AppliedLimit("posts: height_m", "Of a post.", "amber 2, red 1", "made up"),)
     assert "not installed" in inspection.rows["A"]["absent"].unchecked[0]
     lower = savmap.inspect(site(), {"plugins": {"posts": {"height_m": {"amber": 0.4, "red": 0.2}}}})
     assert lower.counts() == {"red": 0, "amber": 0, "unknown": 0, "green": 3}
     assert "survey of 7 m" in savmap.inspect(site(), drawing=Survey({"A": {"length": 7}})).rows["A"]["posts"].unchecked
+
+
+def test_only_limits_that_were_applied_are_listed() -> None:
+    limits, finding = PostLimits(), Finding("low", "low", unit="m")
+    measured = Measured(3.0, 0.1)
+    assert applied_keys([RowInspection()], limits) == set()
+    assert applied_keys([RowInspection((finding,), applied=("width_m",))], limits) == {"width_m"}
+    assert applied_keys([RowInspection((limits.graded("height_m", finding, measured),))], limits) == {"height_m"}
+    unnamed = RowInspection((limits.height_m.finding(finding, measured),))
+    assert applied_keys([unnamed], limits) == {"height_m", "width_m"}
 
 
 def test_command_writes_page_tables_and_json(folder: Path) -> None:
@@ -141,6 +156,8 @@ def test_command_writes_page_tables_and_json(folder: Path) -> None:
     content = json.loads((folder / "check.json").read_text(encoding="utf-8"))
     assert content["counts"] == {"red": 1, "amber": 1, "unknown": 0, "green": 1}
     assert content["findings"][0]["subjects"] == ["post 2"]
+    assert [content["findings"][0][key] for key in ("limit_key", "limit_source")] == ["height_m", "made up"]
+    assert [limit["name"] for limit in content["limits"]] == ["posts: height_m"]
 
 
 def test_it_is_written_beside_the_map_where_no_name_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,7 +50,7 @@ def acceptance_findings(
     mapped = uprights_of(structures)
     pairs = align_uprights(surveyed.upright_intervals(), mapped.intervals)
     warp = Warp(surveyed.upright_intervals(), mapped.intervals, pairs)
-    yield from _widths(surveyed, mapped.ids, pairs, row, limits.bay_width_mm)
+    yield from _widths(surveyed, mapped.ids, pairs, row, limits)
     matched = dict(pairs)
     first, last = (min(matched), max(matched)) if matched else (0, -1)
     for k in range(first, last + 1):
@@ -65,7 +65,7 @@ def acceptance_findings(
 
 
 def _widths(
-    surveyed: SurveyedRow, ids: Sequence[str], pairs: Sequence[tuple[int, int]], row: MappedRow, limit: Limit
+    surveyed: SurveyedRow, ids: Sequence[str], pairs: Sequence[tuple[int, int]], row: MappedRow, limits: ShelvesLimits
 ) -> Iterator[Finding]:
     """The clear width of each bay whose uprights are both matched, and have nothing between them."""
     truth = surveyed.section_intervals()
@@ -79,7 +79,7 @@ def _widths(
             finding = Finding(
                 "bay-width", title, subjects=(left.id, right.id), unit="mm", action="measure it by hand", place=place
             )
-            yield limit.finding(finding, Measured(MM * (width.value - drawn), MM * width.sigma))
+            yield limits.graded("bay_width_mm", finding, Measured(MM * (width.value - drawn), MM * width.sigma))
 
 
 def _beams(
@@ -93,14 +93,20 @@ def _beams(
         beam, drawn = row.parts[names[j]], float(truth[i, 1])
         if lowest is None:
             lowest = drawn, beam
-            height, limit = edge(beam, 1, "upper"), limits.lowest_beam_mm
+            height, (key, limit) = edge(beam, 1, "upper"), ("lowest_beam_mm", limits.lowest_beam_mm)
         else:
             height, drawn = gap(row.joint, row.plugin, (lowest[1], "upper"), (beam, "upper"), 1), drawn - lowest[0]
-            limit = _of_height(limits, drawn)
+            key, limit = _of_height(limits, drawn)
         title = f"top of {beam.id}: {MM * drawn:.0f} mm above the {'floor' if lowest[1] is beam else 'lowest'} drawn"
         place = tuple(beam.vertices.mean(axis=0).tolist())
         finding = Finding(
-            "beam-height", title, subjects=(beam.id,), unit="mm", action="measure it by hand", place=place
+            "beam-height",
+            title,
+            subjects=(beam.id,),
+            unit="mm",
+            action="measure it by hand",
+            place=place,
+            limit_key=key,
         )
         assumed = is_assumed(beam, "upper", row.plugin, row.joint)
         yield finding if assumed else limit.finding(finding, Measured(MM * (height.value - drawn), MM * height.sigma))
@@ -110,11 +116,13 @@ def _beams(
         yield _excess(row.parts[names[j]])
 
 
-def _of_height(limits: ShelvesLimits, height_m: float) -> Limit:
-    """The limit of a beam so high above the lowest."""
+def _of_height(limits: ShelvesLimits, height_m: float) -> tuple[str, Limit]:
+    """The limit of a beam so high above the lowest, and its key."""
     share_mm = MM * limits.beam_height_share * abs(height_m)
     limit = limits.beam_height_mm
-    return limit if share_mm <= limit.amber else Limit(amber=share_mm, red=2 * share_mm, source=limit.source)
+    if share_mm <= limit.amber:
+        return "beam_height_mm", limit
+    return "beam_height_share", Limit(amber=share_mm, red=2 * share_mm, source=limit.source)
 
 
 def _missing(name: str, place: tuple[float, float, float] | None) -> Finding:

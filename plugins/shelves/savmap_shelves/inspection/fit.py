@@ -139,4 +139,5 @@ def _fit_finding(fit: Fit) -> Finding:
         missing,
         "" if grade == "green" else "measure the slot by hand before it is used",
         (x, y, z),
+        "load_units",
     )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from savmap.types import CloseUp, FaceDepths, Finding, JointCovariance, Measured, RowInspection, Structure
+from savmap.types.inspection import severity
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
@@ -13,6 +14,8 @@ from savmap_shelves.inspection.occupancy import occupancies_of, over_edge, slot_
 from savmap_shelves.inspection.shapes import BOW, LEAN, SAG
 from savmap_shelves.report.slots import edge
 
+NEW_LEAN = "out_of_plumb_permille"
+"""The limit of a lean of a new rack: one of which a drawing is given."""
 NOT_MEASURED = {
     LEAN: "whether uprights are plumb: map with the setting `plumb` of `shelves`",
     BOW: "whether uprights are straight: map with the setting `plumb` of `shelves`",
@@ -45,11 +48,13 @@ def inspect(
     unchecked += [] if fits else [NO_LOADS]
     unchecked += [] if depths is not None else [NO_PICTURES]
     of_fits = (fit_table(fits), lost_table(fits)) if fits else ()
+    of_lean = (*([NEW_LEAN] if survey is not None else []), LEAN)
     return RowInspection(
-        (*_deformations(structures, limits, survey is not None), *fit_findings(fits), *over_edge(occupied), *drawn),
+        (*_deformations(structures, limits, of_lean), *fit_findings(fits), *over_edge(occupied), *drawn),
         (*([slot_table(occupied)] if occupied else []), *of_fits),
         tuple(_close_ups(structures)),
         tuple(unchecked),
+        (*(of_lean if LEAN in measured else ()), *(("load_units", "clearances") if fits else ())),
     )
 
 
@@ -62,24 +67,23 @@ def _close_ups(structures: Sequence[Structure]) -> Iterator[CloseUp]:
             yield CloseUp(upright.id, upright.id, np.array([low, high]))
 
 
-def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, is_new: bool) -> Iterator[Finding]:
-    """How far uprights lean and are bowed, and beams sag, where that was measured; `is_new`: by the limits of a new
-    rack."""
-    of_lean = limits.out_of_plumb_permille if is_new else limits.lean_permille
+def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, of_lean: Sequence[str]) -> Iterator[Finding]:
+    """How far uprights lean and are bowed, and beams sag, where that was measured. `of_lean`: the keys of the limits of
+    a lean, of which that counts by which it is worse."""
     for structure in structures:
         lean, bow, sag = (structure.attributes.get(key) for key in (LEAN, BOW, SAG))
         span = float(np.ptp(structure.vertices[:, 0]))
         if isinstance(lean, Measured):
             finding = _finding(structure, "out-of-plumb", "leans along the aisle", "mm/m", "a plumb line", "the bay")
-            yield of_lean.finding(finding, lean)
+            yield min((limits.graded(key, finding, lean) for key in of_lean), key=severity)
         if isinstance(bow, Measured):
             finding = _finding(
                 structure, "upright-bow", "is bowed along the aisle", "mm/m", "a straight edge", "the bay"
             )
-            yield limits.bow_permille.finding(finding, bow)
+            yield limits.graded("bow_permille", finding, bow)
         if isinstance(sag, Measured):
             finding = _finding(structure, "beam-sag", "sags, as a share of its span", "", "a line", "it")
-            yield limits.sag_share.finding(finding, Measured(sag.value / span, sag.sigma / span))
+            yield limits.graded("sag_share", finding, Measured(sag.value / span, sag.sigma / span))
 
 
 def _finding(structure: Structure, code: str, what: str, unit: str, tool: str, unloaded: str) -> Finding:

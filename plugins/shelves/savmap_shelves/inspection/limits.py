@@ -52,7 +52,7 @@ class ShelvesLimits(InspectionLimits):
     out_of_plumb_permille: Limit = Limit(
         amber=1000 / 350, red=2000 / 350, source=f"EN 15620: height / 350, red at twice that; {UNVERIFIED}"
     )
-    """The same where a drawing is given: of a new rack."""
+    """The same of a new rack: where a drawing is given, both hold."""
     bow_permille: Limit = Limit(
         amber=5.0,
         red=10.0,
