@@ -70,7 +70,7 @@ def write_report(
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: a report is an HTML page; name it .html")
     site_map = read_map(map_file)
-    log = _log_of(site_map, run_file) if run_file else _log_beside(site_map, map_file)
+    log = _log_of(site_map, run_file) if run_file else log_beside(site_map, map_file)
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
@@ -79,7 +79,7 @@ def write_report(
     write_page(replace(report, viewer=viewer, comparison=comparison), path)
 
 
-def _log_beside(site_map: SiteMap, map_file: Path) -> RunLog | None:
+def log_beside(site_map: SiteMap, map_file: Path) -> RunLog | None:
     """The record of the run that made a map, where it lies beside it."""
     try:
         return _log_of(site_map, map_file.with_name(LOG))

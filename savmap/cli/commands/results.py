@@ -71,14 +71,15 @@ def inspect(
     from savmap.jobs import api
     from savmap.maps.map_file import read_map
     from savmap.maps.orthophoto_file import read_orthophotos
-    from savmap.report.inspection import InspectionPage, write_inspection
+    from savmap.report.inspection import InspectionPage, page_header, write_inspection
     from savmap.report.site_report import places_of
 
     site_map = read_map(map_file)
     inspection = api.inspect(site_map, limits, drawing=drawing, folder=map_file.parent)
     photos = read_orthophotos(site_map.rows, map_file.parent)
     inputs = [path for path in (map_file, limits, drawing) if path is not None]
-    page = InspectionPage(site_map, inspection, photos, places_of(site_map))
+    header = page_header(site_map, map_file, limits, drawing)
+    page = InspectionPage(site_map, inspection, photos, places_of(site_map), header=header)
     written = write_inspection(page, output or map_file.with_name("inspection.html"), inputs)
     say(", ".join(f"{count} {grade}" for grade, count in inspection.counts().items()))
     for path in written:

@@ -20,8 +20,8 @@ LINE_STYLES = {"red": "failed", "amber": "off"}
 
 @dataclass(frozen=True, eq=False)
 class InspectionPage:
-    """What the page shows: the map, its inspection, orthophotos by row, places by row and plugin, and the address of
-    the sheets, where there are any."""
+    """What the page shows: the map, its inspection, orthophotos by row, places by row and plugin, the address of the
+    sheets, where there are any, and what is said of map and limits, names and values."""
 
     site_map: SiteMap
     inspection: Inspection
@@ -29,6 +29,7 @@ class InspectionPage:
     places: StructuresByRow = field(default_factory=dict)
     title: str = "Inspection"
     sheets: str = ""
+    header: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,10 @@ from typer.testing import CliRunner
 import savmap
 from savmap.cli.app import app
 from savmap.errors import OutputError, SiteError
+from savmap.files.atomic import sha256
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
+from savmap.maps.run_record import FootageFile, RowRun, RunLog, write_log
 from savmap.plugin import (
     CloseUp,
     Finding,
@@ -31,7 +33,7 @@ from savmap.plugin import (
 )
 from savmap.plugin.hookspecs import REQUIRED
 from savmap.report.inspection.inspect import applied_keys
-from savmap.types import AppliedLimit, FaceDepths, FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory
+from savmap.types import AppliedLimit, FaceDepths, FrameTable, Orthophoto, RowMap, SiteMap, Survey, Trajectory, Verdict
 
 
 class PostLimits(InspectionLimits):
@@ -158,6 +160,32 @@ def test_command_writes_page_tables_and_json(folder: Path) -> None:
     assert content["findings"][0]["subjects"] == ["post 2"]
     assert [content["findings"][0][key] for key in ("limit_key", "limit_source")] == ["height_m", "made up"]
     assert [limit["name"] for limit in content["limits"]] == ["posts: height_m"]
+
+
+def test_the_page_names_map_verdict_footage_and_limits(folder: Path) -> None:
+    (folder / "limits.yaml").write_text("plugins: {posts: {}}\n", encoding="utf-8")
+    row = replace(site().rows["A"], verdict=Verdict((), ("one length alone gives the scale",)))
+    write_map(SiteMap({"A": row}, {"savmap": "0.0.7"}), folder / "map.json")
+    run_of_a = RowRun(status="mapped", footage={"pass 1": FootageFile(name="walk-17.mp4")})
+    write_log(RunLog(rows={"A": run_of_a}, ended="2026-11-20T10:00:00Z"), folder / "run.json")
+    assert run(folder, "--limits", folder / "limits.yaml", "-o", folder / "check.html")[0] is None
+    page = (folder / "check.html").read_text(encoding="utf-8")
+    first_page = page[: page.index('id="worst"')]
+    for words in (
+        f"{folder / 'map.json'} (SHA-256 {sha256(folder / 'map.json')[:12]}",
+        "on 2026-11-20 with savmap 0.0.7",
+        "row A: walk-17.mp4",
+        f"<dd>{folder / 'limits.yaml'}</dd>",
+        "trusted</span>",
+        "one length alone gives the scale",
+        "<li>rust</li>",
+    ):
+        assert words in first_page
+    write_log(RunLog(rows={"B": run_of_a}, ended="2026-11-20T10:00:00Z"), folder / "run.json")
+    run(folder, "-o", folder / "check.html")
+    page = (folder / "check.html").read_text(encoding="utf-8")
+    assert "walk-17.mp4" not in page, "another run's record"
+    assert "date not recorded with savmap 0.0.7" in page
 
 
 def test_it_is_written_beside_the_map_where_no_name_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from savmap.types.inspection import severity
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
-from savmap_shelves.inspection.occupancy import occupancies_of, over_edge, slot_table
+from savmap_shelves.inspection.occupancy import LEAST_HEIGHT_M, occupancies_of, over_edge, slot_table
 from savmap_shelves.inspection.shapes import BOW, LEAN, SAG
 from savmap_shelves.report.slots import edge
 
@@ -21,6 +21,15 @@ NOT_MEASURED = {
     BOW: "whether uprights are straight: map with the setting `plumb` of `shelves`",
     SAG: "whether beams sag: map with the setting `plumb` of `shelves`",
 }
+NEVER = (
+    "dents, cracks, twists and corrosion of uprights, beams and bracing",
+    "locks of beams, anchors and base plates",
+    "load signs, upright protectors and guard rails",
+    "damage of decks and of what stands on them",
+    "whether the racks were loaded when they were filmed, on which leans and sags depend",
+    f"openings lower than {LEAST_HEIGHT_M:g} m, and goods on the floor in front of uprights",
+)
+"""What no map of racks tells."""
 LOWEST_M, AROUND_M = 2.0, 0.2
 """Of an upright, what is shown: its height from the floor, and what is to its left and right."""
 NO_DRAWING = "deviations from a drawing: none was given (--drawing)"
@@ -43,7 +52,7 @@ def inspect(
     occupied = occupancies_of(levels, depths) if depths is not None else []
     drawn = list(acceptance_findings(structures, joint, limits, survey, plugin)) if survey is not None else []
     measured = {key for structure in structures for key in NOT_MEASURED if key in structure.attributes}
-    unchecked = [line for key, line in NOT_MEASURED.items() if key not in measured]
+    unchecked = [*NEVER, *(line for key, line in NOT_MEASURED.items() if key not in measured)]
     unchecked += [NO_DRAWING] if survey is None else []
     unchecked += [] if fits else [NO_LOADS]
     unchecked += [] if depths is not None else [NO_PICTURES]
