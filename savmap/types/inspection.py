@@ -22,7 +22,8 @@ class Finding:
     `code` names the check, `subjects` are the ids of what it is about. `value`, `sigma` and `limit` are in `unit`, None
     where nothing was measured; `probability` (0..1) is that the value lies beyond `limit`, or that the finding is true.
     `action`: what a person should do; `place` (x, y, z), m in the row's frame: where. `limit_key`, `limit_source`:
-    which of the plugin's limits it is, and where that comes from.
+    which of the plugin's limits it is, and where that comes from. `over_m`: the length that a value in "mm/m", or as a
+    share (no unit), is of.
     """
 
     code: str
@@ -38,9 +39,10 @@ class Finding:
     place: tuple[float, float, float] | None = None
     limit_key: str = ""
     limit_source: str = ""
+    over_m: float | None = None
 
     def __post_init__(self) -> None:
-        numbers = (self.value, self.sigma, self.limit, self.probability, *(self.place or ()))
+        numbers = (self.value, self.sigma, self.limit, self.probability, self.over_m, *(self.place or ()))
         require(all(number is None or isfinite(number) for number in numbers), self, "its numbers must be finite")
         require(self.grade in GRADES, self, f"`grade` must be one of {', '.join(GRADES)}: {self.grade!r}")
         require(self.probability is None or 0 <= self.probability <= 1, self, "probability must be from 0 to 1")

@@ -16,26 +16,31 @@ from savmap.files.texts import json_visible
 from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.vertices import cell
 from savmap.report.inspection.inspect import unchecked_of
-from savmap.report.inspection.page import InspectionPage, page_text, tables_of
+from savmap.report.inspection.page import InspectionPage, form_text, page_text, tables_of
 from savmap.report.inspection.sheets import write_sheets
 from savmap.types import Finding, Inspection
 
 FORMAT, VERSION = "savmap-inspection", 1
 COLUMNS = (
     *("row", "plugin", "code", "grade", "title", "subjects", "value", "sigma", "limit", "unit", "probability"),
-    *("action", "x_m", "y_m", "z_m", "limit_key", "limit_source"),
+    *("action", "x_m", "y_m", "z_m", "limit_key", "limit_source", "over_m"),
 )
 DECIMALS = 5
 
 
 def write_inspection(page: InspectionPage, path: Path, inputs: Sequence[Path] = ()) -> list[Path]:
-    """Write the page, and, with the same beginning of their names, findings as CSV and JSON, each table as CSV, and the
-    sheets of pictures with a folder of them; the paths. Raises OutputError, also where one of the inputs would be
-    written over."""
+    """Write the page, and, with the same beginning of their names, the form to fill in, findings as CSV and JSON, each
+    table as CSV, and the sheets of pictures with a folder of them; the paths. Raises OutputError, also where one of the
+    inputs would be written over."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(f"{path}: an inspection is an HTML page; name it .html")
     inspection = page.inspection
-    texts = {path.with_suffix(".csv"): csv_text(inspection), path.with_suffix(".json"): json_text(inspection)}
+    form = path.with_name(f"{path.stem}-form.html")
+    texts = {
+        form: form_text(page),
+        path.with_suffix(".csv"): csv_text(inspection),
+        path.with_suffix(".json"): json_text(inspection),
+    }
     for (plugin, name), tables in tables_of(inspection).items():
         columns = list(dict.fromkeys(column for _, table in tables for column in table.columns))
         lines = [
@@ -50,7 +55,8 @@ def write_inspection(page: InspectionPage, path: Path, inputs: Sequence[Path] = 
     for file, text in texts.items():
         write_text(file, text)
     sheets, *pictures = write_sheets(page, path.with_name(f"{path.stem}-sheets.html")) or (None,)
-    write_bytes(path, page_text(replace(page, sheets=quote(sheets.name) if sheets else "")).encode())
+    linked = replace(page, sheets=quote(sheets.name) if sheets else "", form=quote(form.name))
+    write_bytes(path, page_text(linked).encode())
     return [path, *texts, *([sheets, pictures[0].parent] if sheets else [])]
 
 
@@ -63,7 +69,7 @@ def _cells(row: str, plugin: str, finding: Finding) -> Sequence[object]:
     place = finding.place or (None, None, None)
     named = (row, plugin, finding.code, finding.grade, finding.title, BETWEEN.join(finding.subjects))
     numbers = (finding.value, finding.sigma, finding.limit)
-    by = finding.limit_key, finding.limit_source
+    by = finding.limit_key, finding.limit_source, finding.over_m
     return (*named, *numbers, finding.unit, finding.probability, finding.action, *place, *by)
 
 

@@ -188,6 +188,24 @@ def test_the_page_names_map_verdict_footage_and_limits(folder: Path) -> None:
     assert "date not recorded with savmap 0.0.7" in page
 
 
+def test_the_sheet_to_sign_has_all_that_is_not_in_order_with_boxes(folder: Path) -> None:
+    _, output = run(folder, "-o", folder / "check.html")
+    assert f"wrote {folder / 'check-form.html'}\n" in output
+    sheet = (folder / "check-form.html").read_text(encoding="utf-8")
+    assert "size: A4" in sheet
+    assert [title in sheet for title in ("height of post 2", "height of post 3", "height of post 1")] == [
+        True,
+        True,
+        False,
+    ]
+    assert sheet.count("confirmed") == sheet.count("rejected") == 2
+    assert "500 \u00b1 10 mm" in sheet
+    assert '1000 mm<br><span class="quiet">made up' in sheet
+    for words in ("SHA-256", "1 red, 1 amber, 0 unknown, 1 green", "rust", "decision", "qualification", "signature"):
+        assert words in sheet
+    assert 'href="check-form.html"' in (folder / "check.html").read_text(encoding="utf-8")
+
+
 def test_it_is_written_beside_the_map_where_no_name_is_given(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "elsewhere").mkdir()
     monkeypatch.chdir(folder / "elsewhere")

@@ -1,12 +1,13 @@
 """The inspection of a row of racks."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from savmap.types import CloseUp, FaceDepths, Finding, JointCovariance, Measured, RowInspection, Structure
-from savmap.types.inspection import severity
+from savmap.types.inspection import Grade, severity
 from savmap_shelves.inspection.acceptance import acceptance_findings
 from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
 from savmap_shelves.inspection.limits import ShelvesLimits
@@ -81,23 +82,32 @@ def _deformations(structures: Sequence[Structure], limits: ShelvesLimits, of_lea
     a lean, of which that counts by which it is worse."""
     for structure in structures:
         lean, bow, sag = (structure.attributes.get(key) for key in (LEAN, BOW, SAG))
-        span = float(np.ptp(structure.vertices[:, 0]))
+        length = float(np.ptp(structure.vertices[:, :2], axis=0).max())
         if isinstance(lean, Measured):
-            finding = _finding(structure, "out-of-plumb", "leans along the aisle", "mm/m", "a plumb line", "the bay")
-            yield min((limits.graded(key, finding, lean) for key in of_lean), key=severity)
+            finding = _finding(structure, "out-of-plumb", "leans along the aisle", "mm/m", length)
+            worst = min((limits.graded(key, finding, lean) for key in of_lean), key=severity)
+            yield _with_action(worst, "a plumb line", "the bay")
         if isinstance(bow, Measured):
-            finding = _finding(
-                structure, "upright-bow", "is bowed along the aisle", "mm/m", "a straight edge", "the bay"
-            )
-            yield limits.graded("bow_permille", finding, bow)
+            finding = _finding(structure, "upright-bow", "is bowed along the aisle", "mm/m", length)
+            yield _with_action(limits.graded("bow_permille", finding, bow), "a straight edge", "the bay")
         if isinstance(sag, Measured):
-            finding = _finding(structure, "beam-sag", "sags, as a share of its span", "", "a line", "it")
-            yield limits.graded("sag_share", finding, Measured(sag.value / span, sag.sigma / span))
+            finding = _finding(structure, "beam-sag", "sags", "", length)
+            share = Measured(sag.value / length, sag.sigma / length)
+            yield _with_action(limits.graded("sag_share", finding, share), "a line", "it")
 
 
-def _finding(structure: Structure, code: str, what: str, unit: str, tool: str, unloaded: str) -> Finding:
+def _finding(structure: Structure, code: str, what: str, unit: str, length: float) -> Finding:
     """About a member's shape, without its value."""
     x, y, z = structure.vertices.mean(axis=0).tolist()
-    action = f"measure it with {tool}; unload {unloaded} where it is red"
     title = f"{structure.id} {what}"
-    return Finding(code, title, subjects=(structure.id,), unit=unit, action=action, place=(x, y, z))
+    return Finding(code, title, subjects=(structure.id,), unit=unit, place=(x, y, z), over_m=length)
+
+
+def _with_action(finding: Finding, tool: str, unloaded: str) -> Finding:
+    """What to do about a member out of shape, by grade."""
+    actions: Mapping[Grade, str] = {
+        "red": f"unload {unloaded}; measure it with {tool} before it is loaded again",
+        "amber": f"measure it with {tool}, and have it set right if it is so",
+        "unknown": f"measure it with {tool}",
+    }
+    return replace(finding, action=actions.get(finding.grade, ""))
