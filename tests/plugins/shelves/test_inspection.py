@@ -64,7 +64,7 @@ def test_slots_take_load_units_with_a_probability(shelves: LoadedPlugin) -> None
     assert lines[1, 1]["probability"] == pytest.approx(0.389, abs=1e-3)
     assert lines[1, 1]["free_width_m"] == pytest.approx(3.6 - 4 * 0.79 - 5 * 0.075)
     assert lines[1, 0]["probability"] == 0.0
-    assert lines[1, 6]["probability"] == 1.0, "it is open above"
+    assert (lines[1, 6]["probability"], lines[1, 6]["note"]) == (None, "height not limited by the map")
     assert lines[3, 1]["count"] == 4
     findings = by_subject(inspection)
     grades = {subjects[0]: finding.grade for subjects, finding in findings.items()}
@@ -84,6 +84,38 @@ def test_a_slot_that_must_take_a_load_and_does_not_is_red(shelves: LoadedPlugin)
     assert findings[("bay 4 / level 2",)].grade == "red", "2.7 m take no two of 1.3 m with 0.075 m around"
     assert findings[("bay 1 / level 2",)].grade == "green"
     assert findings[("bay 4 / level 2",)].value == pytest.approx(2.7 - 2.6 - 3 * 0.075)
+
+
+def test_what_is_too_wide_is_red_whatever_nothing_measured_of_the_height(shelves: LoadedPlugin) -> None:
+    places = [
+        replace(place, attributes={**place.attributes, "assumed": "clear height assumed"})
+        for place in shelves.places(mapped(), None)
+    ]
+    units = [
+        {"name": name, "width_m": width, "height_m": 0.5, "across": 2, "levels": [2, 6]}
+        for name, width in (("wide", 1.9), ("narrow", 1.0))
+    ]
+    limits = shelves.limits({"load_units": units}, "limits")
+    findings = shelves.inspect(mapped(), {"shelves": places}, None, limits, None, {}, None).findings
+    by_title = {finding.title: finding for finding in findings}
+    wide = by_title["2 x wide in bay 1 / level 2: width left"]
+    assert (wide.grade, wide.value) == ("red", pytest.approx(3.6 - 3.8 - 3 * 0.075))
+    assert wide.action == "do not store it there"
+    assert by_title["2 x narrow in bay 1 / level 2: height left; clear height assumed"].grade == "unknown"
+    assert by_title["2 x wide in bay 1 / level 6: width left"].grade == "red"
+    assert "2 x narrow in bay 1 / level 6: width left; height not limited by the map" in by_title
+
+
+def test_levels_that_no_bay_has_and_load_units_without_levels_are_named(shelves: LoadedPlugin) -> None:
+    units = [{"name": "box", "width_m": 0.5, "height_m": 0.5, "levels": [1, 9]}]
+    units.append({"name": "drum", "width_m": 0.5, "height_m": 0.5})
+    inspection = inspected(shelves, mapped(), {"load_units": units})
+    nowhere = [finding for finding in inspection.findings if finding.code == "no-such-level"]
+    assert [(finding.title, finding.grade) for finding in nowhere] == [
+        ("box on level 9: no bay of the row has such a level", "unknown")
+    ]
+    assert "whether drum fits: the limits give it no `levels`" in inspection.unchecked
+    assert not any("whether box" in line for line in inspection.unchecked)
 
 
 def test_a_rack_as_drawn_is_all_green(shelves: LoadedPlugin) -> None:

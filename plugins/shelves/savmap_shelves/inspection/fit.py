@@ -1,7 +1,7 @@
 """Which slots take which load units, with the probability that they do, and how much height is lost."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import erf, floor, hypot, sqrt
 
@@ -12,13 +12,14 @@ from savmap_shelves.inspection.limits import Clearance, LoadUnit, ShelvesLimits
 ALLOWANCE_M = 0.02
 """A count of loads that a bay misses by less is tried: its probability tells."""
 LIKELY = 0.5
+UNLIMITED = "height not limited by the map"
 Spare = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Fit:
     """A load unit in a slot: how many beside one another, the probability that they fit, and what width and height
-    are left then, m (None: the slot is open above, or its width is not known)."""
+    are left then, m (None: the width is not known, or the map has nothing above the slot)."""
 
     slot: Structure
     unit: LoadUnit
@@ -26,6 +27,16 @@ class Fit:
     probability: float
     free_width: Measured | None
     free_height: Measured | None
+
+    @property
+    def too_wide(self) -> bool:
+        """Whether the width that is left is surely negative, whatever the height is."""
+        return self.free_width is not None and 1 - _positive(self.free_width) > SURE
+
+    @property
+    def note(self) -> str:
+        """What of the slot's sizes the map does not measure."""
+        return UNLIMITED if self.free_height is None else str(self.slot.attributes.get("assumed", ""))
 
 
 def fits_of(levels: Sequence[Structure], limits: ShelvesLimits) -> list[Fit]:
@@ -38,13 +49,13 @@ def _fit(slot: Structure, unit: LoadUnit, clearances: Sequence[Clearance]) -> Fi
     load_height = float(slot.vertices[:, 1].min())
     clearance = next((rule for rule in clearances if load_height <= rule.up_to_m), None)
     lateral, above = (clearance.beside_m, clearance.above_m) if clearance else (0.0, 0.0)
-    count = unit.across or _count(width, unit.width_m, lateral)
+    count = unit.across or max(_count(width, unit.width_m, lateral), 1)
     needed = count * unit.width_m + (count + 1) * lateral
     free_width = None if width is None else Measured(width.value - needed, width.sigma)
     free_height = None if height is None else Measured(height.value - unit.height_m - above, height.sigma)
     sides = [_positive(free) for free in (free_width, free_height) if free is not None]
     probability = sides[0] * sides[-1] if len(sides) == 2 else sides[0] if sides else 0.0
-    return Fit(slot, unit, count, probability if count and width else 0.0, free_width, free_height)
+    return Fit(slot, unit, count, probability if width else 0.0, free_width, free_height)
 
 
 def _size(slot: Structure, name: str) -> Measured | None:
@@ -64,21 +75,22 @@ def _positive(free: Measured) -> float:
 
 FIT_COLUMNS = (
     *("bay", "level", "load_unit", "count", "probability"),
-    *("free_width_m", "sigma_free_width_m", "free_height_m", "sigma_free_height_m", "assumed"),
+    *("free_width_m", "sigma_free_width_m", "free_height_m", "sigma_free_height_m", "note"),
 )
 
 
 def fit_table(fits: Sequence[Fit]) -> FindingTable:
-    """A line for each slot and load unit."""
+    """A line for each slot and load unit; no probability where nothing limits the height and the width does not rule it
+    out."""
     lines = tuple(
         (
             *_numbers(fit.slot),
             fit.unit.name,
             fit.count,
-            round(fit.probability, 4),
+            None if fit.free_height is None and not fit.too_wide else round(fit.probability, 4),
             *_cells(fit.free_width),
             *_cells(fit.free_height),
-            str(fit.slot.attributes.get("assumed", "")),
+            fit.note,
         )
         for fit in fits
     )
@@ -115,21 +127,44 @@ def _cells(size: Measured | None) -> tuple[Cell, Cell]:
 
 
 def fit_findings(fits: Sequence[Fit]) -> Iterator[Finding]:
-    """A finding for each slot that must take a load unit: green where it surely does, red where it surely does not."""
+    """A finding for each slot that must take a load unit: green where it surely does, red where it surely does not; and
+    for each level that must take one and that no bay has."""
     for fit in fits:
         if _numbers(fit.slot)[1] in fit.unit.levels:
             yield _fit_finding(fit)
+    levels = {_numbers(fit.slot)[1] for fit in fits}
+    for unit in dict.fromkeys(fit.unit for fit in fits):
+        for level in sorted(set(unit.levels) - levels):
+            title = f"{unit.name} on level {level}: no bay of the row has such a level"
+            yield Finding("no-such-level", title, action="look whether the limits or the map are wrong")
+
+
+def without_levels(units: Sequence[LoadUnit]) -> list[str]:
+    """What is not checked of load units that nothing must take."""
+    return [f"whether {unit.name} fits: the limits give it no `levels`" for unit in units if not unit.levels]
+
+
+ACTIONS: Mapping[Grade, str] = {
+    "red": "do not store it there",
+    "amber": "measure the slot by hand before it is used",
+    "unknown": "measure the slot by hand before it is used",
+}
 
 
 def _fit_finding(fit: Fit) -> Finding:
-    open_sizes = fit.free_width is None or fit.slot.attributes.get("assumed")
-    missing = 1 - fit.probability
-    grade: Grade = "unknown" if open_sizes else "red" if missing > SURE else grade_of(missing)
-    free = min((size for size in (fit.free_width, fit.free_height) if size), key=float, default=None)
+    sizes = {"width": fit.free_width} if fit.too_wide else {"width": fit.free_width, "height": fit.free_height}
+    side, free = min(
+        ((side, size) for side, size in sizes.items() if size), key=lambda item: item[1].value, default=("", None)
+    )
+    missing = 1 - (_positive(fit.free_width) if fit.too_wide and fit.free_width else fit.probability)
+    uncertain = fit.free_width is None or fit.slot.attributes.get("assumed")
+    grade: Grade = "red" if fit.too_wide else "unknown" if uncertain else "red" if missing > SURE else grade_of(missing)
+    left = f"{side} left" if free else "width not measured"
+    note = f"; {fit.note}" if fit.note and not fit.too_wide else ""
     x, y, z = fit.slot.vertices.mean(axis=0).tolist()
     return Finding(
         "load-does-not-fit",
-        f"{fit.count or 'no'} x {fit.unit.name} in {fit.slot.id}",
+        f"{fit.count} x {fit.unit.name} in {fit.slot.id}: {left}{note}",
         grade,
         (fit.slot.id,),
         None if free is None else free.value,
@@ -137,7 +172,8 @@ def _fit_finding(fit: Fit) -> Finding:
         0.0,
         "m",
         missing,
-        "" if grade == "green" else "measure the slot by hand before it is used",
+        ACTIONS.get(grade, ""),
         (x, y, z),
         "load_units",
+        "load unit and clearances of the limits",
     )

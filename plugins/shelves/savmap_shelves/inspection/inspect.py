@@ -9,7 +9,7 @@ import numpy as np
 from savmap.types import CloseUp, FaceDepths, Finding, JointCovariance, Measured, RowInspection, Structure
 from savmap.types.inspection import Grade, severity
 from savmap_shelves.inspection.acceptance import acceptance_findings
-from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table
+from savmap_shelves.inspection.fit import fit_findings, fit_table, fits_of, lost_table, without_levels
 from savmap_shelves.inspection.limits import ShelvesLimits
 from savmap_shelves.inspection.occupancy import LEAST_HEIGHT_M, occupancies_of, over_edge, slot_table
 from savmap_shelves.inspection.shapes import BOW, LEAN, SAG
@@ -55,7 +55,7 @@ def inspect(
     measured = {key for structure in structures for key in NOT_MEASURED if key in structure.attributes}
     unchecked = [*NEVER, *(line for key, line in NOT_MEASURED.items() if key not in measured)]
     unchecked += [NO_DRAWING] if survey is None else []
-    unchecked += [] if fits else [NO_LOADS]
+    unchecked += without_levels(limits.load_units) if fits else [NO_LOADS]
     unchecked += [] if depths is not None else [NO_PICTURES]
     of_fits = (fit_table(fits), lost_table(fits)) if fits else ()
     of_lean = (*([NEW_LEAN] if survey is not None else []), LEAN)
