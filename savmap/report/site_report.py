@@ -159,13 +159,20 @@ def compare_files(
     photos = read_orthophotos(site_map.rows, new_file.parent) if page or in_viewer else {}
     if page is not None:
         viewer = address_from(page, view) if in_viewer else ""
-        dates = Dates(before.site_map, site_map, before.comparison, before.photos, photos, viewer=viewer)
+        names = ("old map", dated(before.site_map, old_file)), ("new map", dated(site_map, new_file))
+        dates = Dates(before.site_map, site_map, before.comparison, before.photos, photos, viewer=viewer, names=names)
         write_comparison(dates, page)
     if in_viewer:
         origin = origin_of(new_file, None, old_file)
         title, places = _title_of(new_file), shown_places(site_map)
         write_view(View(site_map, None, title, photos, None, origin, before, places), view)
     return before.comparison
+
+
+def dated(site_map: SiteMap, map_file: Path) -> str:
+    """A map's file, and the day on which it was made, where the run record beside it tells."""
+    log = log_beside(site_map, map_file)
+    return f"{map_file}, mapped on {log.ended[:10]}" if log and log.ended else f"{map_file}, date not recorded"
 
 
 def _require_distinct(*outputs: Path | None) -> None:

@@ -15,6 +15,7 @@ from savmap.cli.app import app
 from savmap.errors import ChangedError, NothingComparedError, OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import write_orthophoto
+from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.site_report import compare_files
 
 
@@ -103,8 +104,13 @@ def test_json_holds_all_elements(files: tuple[Path, Path], tmp_path: Path) -> No
 
 
 def test_page_shows_both_dates_and_the_photographs(files: tuple[Path, Path], tmp_path: Path) -> None:
+    write_log(RunLog(rows={"A": RowRun(status="mapped")}, ended="2026-05-01T10:00:00Z"), files[0].parent / "run.json")
     compare_files(*files, 0.05, tmp_path / "compare.html")
     page = (tmp_path / "compare.html").read_text(encoding="utf-8")
+    assert f"<dd>{files[0]}, mapped on 2026-05-01</dd>" in page
+    assert f"<dd>{files[1]}, date not recorded</dd>" in page
+    assert "<div><dt>upright: stand or lean otherwise</dt><dd>0</dd></div>" in page
+    assert "both read the same" in page
     assert page.count('<image href="data:image/jpeg;base64,') == 2
     assert "Row A: both dates" in page
     assert re.search(r"<title>bay 3 / beam 3: moved y \+\d\d mm", page)

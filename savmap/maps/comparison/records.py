@@ -65,8 +65,8 @@ class ElementChange:
 
     @property
     def hit(self) -> float | None:
-        """The probability that a post was hit: it stands elsewhere on the floor, or leans otherwise, by more than
-        chance; None of what does not."""
+        """The probability that a post stands elsewhere on the floor, or leans otherwise, as one that was hit does, or
+        one that was set plumb again; None where it differs by no more than chance."""
         figures = [figure.q for figure in self.significant if figure.what in HIT]
         return 1 - min(figures) if self.is_post and figures else None
 

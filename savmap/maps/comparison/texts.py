@@ -127,6 +127,7 @@ def comparison_lines(comparison: Comparison) -> Iterator[str]:
         yield from (f"  {line}" for line in (*remarks(row), scale_text(row)) if line)
         yield from _table(row.changes)
         yield f"  {counts_text(row)}"
+        yield from (f"  {line}" for line in posts_texts(row))
 
 
 def motion_text(motion: RowMotion | None) -> str:
@@ -195,6 +196,19 @@ def counts_text(row: RowComparison) -> str:
     return text + (f"; openings: {', '.join(f'{n} {state}' for state, n in sorted(sizes.items()))}" if sizes else "")
 
 
+def posts_texts(row: RowComparison) -> list[str]:
+    """For each label of posts, how many of those that both maps have stand or lean otherwise."""
+    posts = [change for change in row.elements if change.is_post]
+    lines = []
+    for label in dict.fromkeys(change.label for change in posts):
+        of_label = [change for change in posts if change.label == label]
+        moved = sum(change.hit is not None for change in of_label)
+        leans = any(figure.what == LEAN for change in of_label for figure in change.differences)
+        unsaid = "" if leans else "; how far they lean is not in both maps"
+        lines.append(f"{label}: {moved} of {len(of_label)} stand or lean otherwise than before{unsaid}")
+    return lines
+
+
 def _table(changes: Sequence[ElementChange]) -> Iterator[str]:
     """A line for each change, in columns."""
     cells = [(change.state, change_name(change), change_text(change)) for change in changes]
@@ -213,7 +227,7 @@ def change_text(change: ElementChange) -> str:
     if change.state in CHANGES and not change.differences:
         x, y, _ = change.position_m.tolist()
         return f"at x {x:.2f} m, y {y:.2f} m"
-    hit = "" if change.hit is None else f"hit since the last walk with probability {100 * change.hit:.1f} %: "
+    hit = "" if change.hit is None else f"stands or leans otherwise than before ({100 * change.hit:.1f} % sure): "
     return hit + "; ".join(difference_text(difference) for difference in change.significant)
 
 

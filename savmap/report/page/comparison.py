@@ -14,6 +14,7 @@ from savmap.maps.comparison.texts import (
     change_text,
     counts_text,
     motion_text,
+    posts_texts,
     remarks,
     renamed_lines,
     scale_text,
@@ -42,8 +43,8 @@ STYLES: Mapping[State, str] = {"moved": "off line", "changed": "off line", "miss
 
 @dataclass(frozen=True, eq=False)
 class Dates:
-    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, and the
-    address of the viewer's page of both dates, where there is one."""
+    """Two maps, what changed from one to the other, orthophotos by row of either date, where there are any, the
+    address of the viewer's page of both dates, where there is one, and what either map is called, with its date."""
 
     old: SiteMap
     new: SiteMap
@@ -52,6 +53,7 @@ class Dates:
     new_photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     title: str = "Comparison of two dates"
     viewer: str = ""
+    names: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class RowSection:
     motion: str
     scale: str
     counts: str
+    posts: tuple[str, ...]
     warnings: tuple[str, ...]
     table: Table
     anchor: str = ""
@@ -98,8 +101,10 @@ def _tiles(comparison: Comparison) -> list[tuple[str, str]]:
     tiles += [("rows of another scale", str(scaled))] if scaled else []
     for state in ("same", *CHANGES, "not seen"):
         tiles.append((state, str(sum(change.state == state for change in elements))))
-    hits = sum(change.hit is not None for change in elements)
-    tiles += [("posts hit since the last walk", str(hits))] if hits else []
+    posts = [change for change in elements if change.is_post]
+    for label in dict.fromkeys(change.label for change in posts):
+        hits = sum(change.hit is not None for change in posts if change.label == label)
+        tiles.append((f"{label}: stand or lean otherwise", str(hits)))
     return [*tiles, ("openings changed", str(sum(change.state in CHANGES for change in openings)))]
 
 
@@ -116,7 +121,7 @@ def row_changes(comparison: Comparison) -> list[RowSection]:
 
 def _changes(row: RowComparison, table_id: str) -> RowSection:
     texts = motion_text(row.motion), scale_text(row), counts_text(row)
-    return RowSection(row.new, *texts, remarks(row), change_table(row, table_id))
+    return RowSection(row.new, *texts, tuple(posts_texts(row)), remarks(row), change_table(row, table_id))
 
 
 def _structures(row: RowMap) -> dict[Key, Structure]:

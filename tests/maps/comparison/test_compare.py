@@ -260,7 +260,10 @@ def test_posts_that_lean_or_stand_otherwise_were_hit() -> None:
     assert min(hits.values()) > 0.99
     assert [figure.what for figure in change(found, "post 3").significant] == ["lean_permille"]
     lines = "\n".join(comparison_lines(found))
-    assert "hit since the last walk with probability 100.0 %: lean +5.5 mm in 1 m (+- 0.4" in lines
+    assert "stands or leans otherwise than before (100.0 % sure): lean +5.5 mm in 1 m (+- 0.4" in lines
+    assert "\n  post: 2 of 9 stand or lean otherwise than before" in lines
+    same = "\n".join(comparison_lines(compare_maps(old, place.mapped(BAYS, 2))))
+    assert "\n  post: 0 of 9 stand or lean otherwise than before; how far they lean is not in both maps" in same
     entry = next(one for one in as_json(found)["rows"][0]["elements"] if one["new"] == "post 3")
     assert entry["hit"] > 0.99
     assert next(one for one in entry["differences"] if one["what"] == "lean_permille")["difference_permille"] == 5.5
