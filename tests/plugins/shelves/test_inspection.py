@@ -161,6 +161,18 @@ def test_a_drawing_of_other_plugins_alone_compares_nothing(shelves: LoadedPlugin
         inspected(shelves, mapped(), survey={"uprights": [[0, 1]], "sections": []})
 
 
+def test_only_what_is_red_is_to_be_unloaded(shelves: LoadedPlugin) -> None:
+    parts = mapped()
+    for k, (lean, sigma) in enumerate(((1.0, 0.1), (5.0, 2.0), (7.0, 0.1), (12.0, 0.1))):
+        attributes = {**parts[k].attributes, "lean_permille": Measured(lean, sigma)}
+        parts[k] = replace(parts[k], attributes=attributes)
+    findings = inspected(shelves, parts).findings
+    assert [finding.grade for finding in findings] == ["green", "unknown", "amber", "red"]
+    assert ["unload" in finding.action for finding in findings] == [False, False, False, True]
+    assert [finding.action.count("plumb line") for finding in findings] == [0, 1, 1, 1]
+    assert findings[0].over_m == pytest.approx(float(np.ptp(parts[0].vertices[:, 1])))
+
+
 def test_a_drawing_takes_no_limit_away(shelves: LoadedPlugin) -> None:
     """Of the limits of a lean that counts by which it is worse, and the finding says which."""
     parts = mapped()

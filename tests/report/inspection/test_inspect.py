@@ -149,6 +149,10 @@ def test_command_writes_page_tables_and_json(folder: Path) -> None:
     assert "1 red, 1 amber, 0 unknown, 1 green" in output
     page = (folder / "check.html").read_text(encoding="utf-8")
     assert "no inspection by itself" in page
+    assert "1 standard deviation" in page
+    assert "limit 1000 mm (made up)" in page
+    assert "wanted, m<" in page
+    assert "more than 99 % likely beyond it" in page
     assert page.count('<img src="data:image/jpeg;base64,') == 2, "what is in order has no picture"
     lines = list(csv.DictReader((folder / "check.csv").read_text(encoding="utf-8").splitlines()))
     assert [lines[0][key] for key in ("title", "value", "probability")] == ["height of post 2", "0.5", "1"]
