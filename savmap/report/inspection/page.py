@@ -94,8 +94,8 @@ def _worst(page: InspectionPage) -> Iterator[WorstFinding]:
     for row, finding in _poor(page.inspection)[:WORST]:
         if row in page.photos and row not in pictures:
             pictures[row] = FacePictures(page.photos[row])
-        content = pictures[row].finding(finding, elements_of(page, row)) if row in pictures else None
-        address = f"data:image/jpeg;base64,{base64.b64encode(content).decode()}" if content else ""
+        part = pictures[row].finding(finding, elements_of(page, row)) if row in pictures else None
+        address = f"data:image/jpeg;base64,{base64.b64encode(part.content).decode()}" if part else ""
         yield WorstFinding(text_of(row, finding), address)
 
 

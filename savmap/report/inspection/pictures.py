@@ -1,6 +1,7 @@
 """Parts of orthophotos: what a finding is about, outlined, and what an inspector wants to see."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -20,6 +21,16 @@ OUTLINE = (24, 24, 214)
 Image = NDArray[np.uint8]
 
 
+@dataclass(frozen=True)
+class PartPicture:
+    """A part of an orthophoto as a JPEG, the side of its pixels, and the heights of its lower and upper edge, m."""
+
+    content: bytes
+    pixel_m: float
+    low_m: float
+    high_m: float
+
+
 class FacePictures:
     """The orthophoto of a row, decoded once, and parts of it as JPEG."""
 
@@ -27,9 +38,9 @@ class FacePictures:
         self.photo = photo
         self.image: Image = np.asarray(cv2.imdecode(photo.picture, cv2.IMREAD_COLOR), np.uint8)
 
-    def part(self, corners: Floats, outlines: Sequence[Floats] = (), most_px: int = MOST_PX) -> bytes | None:
-        """The part between the lowest and the highest of corners (n, 3) m, with outlines, each (m, 3) m, as a JPEG of
-        at most so many pixels a side; None where the picture does not show it."""
+    def part(self, corners: Floats, outlines: Sequence[Floats] = (), most_px: int = MOST_PX) -> PartPicture | None:
+        """The part between the lowest and the highest of corners (n, 3) m, with outlines, each (m, 3) m, of at most so
+        many pixels a side; None where the picture does not show it."""
         pixels = self.photo.on_picture(corners)
         size = np.array([self.photo.width, self.photo.height])
         low = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
@@ -43,9 +54,12 @@ class FacePictures:
         for outline in outlines:
             drawn = np.round(scale * (self.photo.on_picture(outline) - low)).astype(np.int32)
             cv2.polylines(small, [drawn], True, OUTLINE, 2, cv2.LINE_AA)
-        return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes())
+        content = bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes())
+        heights = (self.photo.height - np.array([high[1], low[1]])) * self.photo.pixel_m * self.photo.up[1]
+        bottom, top = (self.photo.origin[1] + heights).tolist()
+        return PartPicture(content, self.photo.pixel_m / scale, bottom, top)
 
-    def finding(self, finding: Finding, elements: Mapping[str, Structure]) -> bytes | None:
+    def finding(self, finding: Finding, elements: Mapping[str, Structure]) -> PartPicture | None:
         """What a finding is about, outlined; of one that names no element, the surroundings of its place. `elements`:
         structures and places of the row by id."""
         subjects = [elements[name] for name in finding.subjects if name in elements]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -249,7 +250,12 @@ def test_parts_of_rows_are_shown_on_sheets_and_written_as_files(folder: Path) ->
     picture = cv2.imread(str(folder / "check-sheets" / "A-post_1-LEFT.jpg"))
     assert picture.shape == (300, 10, 3)
     sheets = (folder / "check-sheets.html").read_text(encoding="utf-8")
-    assert sheets.count("<figure>") == 3
+    assert sheets.count("<figure>") == sheets.count("Remarks:") == sheets.count("damaged") == 3
+    assert "1 pixel is 10.0 mm: dents smaller than about 30 mm cannot be seen" in sheets
+    assert "height of post 3: 1500 \u00b1 10 mm" in sheets
+    first = sheets[: sheets.index("</ol>")]
+    marks = dict(re.findall(r'<li style="bottom:([0-9.]+)%">([0-9.]+) m', first))
+    assert marks == {"0.0": "0", "16.7": "0.5", "33.3": "1", "50.0": "1.5", "66.7": "2", "83.3": "2.5", "100.0": "3"}
     assert "<strong>LEFT</strong>" in sheets
     assert 'href="check-sheets.html"' in (folder / "check.html").read_text(encoding="utf-8")
 
