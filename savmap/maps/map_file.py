@@ -76,7 +76,12 @@ def write_map(site: SiteMap, path: str | Path) -> None:
 
 def read_map(path: Path) -> SiteMap:
     """The map in a map.json. Raises OutputError with one line: file, place, problem."""
-    return _site_map(read_json(path), str(path))
+    try:
+        return _site_map(read_json(path), str(path))
+    except OutputError as error:
+        if os.path.exists(path):
+            raise
+        raise OutputError(f"{error}: there is no map; `savmap map` makes one") from None
 
 
 def map_of(text: str, where: str) -> SiteMap:

@@ -40,7 +40,7 @@ class SiteLimits(InspectionLimits):
 
 def load_limits(path: Path) -> SiteLimits:
     """The limits of a file. Raises SiteError with file and line; what a plugin does not take, it says itself."""
-    draft = read_draft(path, what=LIMITS_FILE)
+    draft = read_draft(path, what=LIMITS_FILE, guide="docs/inspection.md")
     for problem in (*(text for _, text in draft.doubles), *misspelt(SiteLimits, draft.places).values()):
         raise SiteError(problem)
     try:

@@ -98,9 +98,11 @@ def load_alignment(path: Path) -> KnownAlignment:
         raise SiteError(next(iter(problems.values()))) from None
 
 
-def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_FILE) -> Draft:
-    """The content of a site file. Raises SiteError where it is no YAML or another file, or where an override does not
-    fit it."""
+def read_draft(
+    path: Path, overrides: Iterable[Override] = (), what: str = SITE_FILE, guide: str = "docs/site-file.md"
+) -> Draft:
+    """The content of a site file, or of another (`what`) that `guide` explains. Raises SiteError where it is no YAML or
+    another file, or where an override does not fit it."""
     text = _read(path, what)
     _require_no_other(path, kind_of_text(text), what)
     try:
@@ -114,7 +116,7 @@ def read_draft(path: Path, overrides: Iterable[Override] = (), what: str = SITE_
         if _may_be_anything(path, what):
             raise SiteError(f"{path}: {NEITHER} (a site file is a mapping with at least `rows:`)")
         least = " with at least `rows:`" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: a {what} is a mapping{least} (see docs/site-file.md)")
+        raise SiteError(f"{path}: a {what} is a mapping{least} (see {guide})")
     doubles = tuple(
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in document.doubles

@@ -279,6 +279,7 @@ def test_without_an_orthophoto_there_are_no_pictures(folder: Path) -> None:
         ("plugins:\n  pots: {}\n", "plugins.pots: no such plugin; installed are "),
         ("plugin: {}\n", ":1: unknown key `plugin`: did you mean `plugins`?"),
         ("[1", "not valid YAML"),
+        ("", "a file of limits is a mapping (see docs/inspection.md)"),
     ],
 )
 def test_limits_that_are_wrong_are_told_in_one_line(folder: Path, text: str, says: str) -> None:
@@ -289,6 +290,14 @@ def test_limits_that_are_wrong_are_told_in_one_line(folder: Path, text: str, say
     assert says in str(error)
     assert "\n" not in str(error)
     assert not (folder / "check.html").exists()
+
+
+def test_a_folder_without_a_map_is_told_how_to_get_one(tmp_path: Path) -> None:
+    error, _ = run(tmp_path)
+    assert isinstance(error, OutputError)
+    assert str(error).startswith(f"{tmp_path / 'map.json'}: cannot be read (no such file")
+    assert str(error).endswith(": there is no map; `savmap map` makes one")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_output_is_a_page(folder: Path) -> None:
