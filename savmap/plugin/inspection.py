@@ -8,6 +8,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from savmap.types import AppliedLimit, Finding, Measured, graded
 
+METRES = "_m"
+"""How keys of lengths end."""
 UNVERIFIED = "not checked against the standard's text"
 """Of a source that was quoted from memory or from secondary literature."""
 
@@ -89,7 +91,11 @@ def _lines(limits: BaseModel, key: str, prefix: str) -> list[AppliedLimit]:
             AppliedLimit(f"{name} {k}", meaning, _words(entry), getattr(entry, "source", ""))
             for k, entry in enumerate(value, start=1)
         ]
-    return [] if value is None else [AppliedLimit(name, meaning, str(value), source)]
+    return (
+        []
+        if value is None
+        else [AppliedLimit(name, meaning, f"{value} m" if key.endswith(METRES) else str(value), source)]
+    )
 
 
 def _words(entry: object) -> str:
@@ -97,4 +103,14 @@ def _words(entry: object) -> str:
     if not isinstance(entry, BaseModel):
         return str(entry)
     given = {name: getattr(entry, name) for name in type(entry).model_fields}
-    return ", ".join(f"{name} {value}" for name, value in given.items() if name != "source" and value not in (None, ()))
+    return ", ".join(
+        _named(name, value) for name, value in given.items() if name != "source" and value not in (None, ())
+    )
+
+
+def _named(key: str, value: object) -> str:
+    """Such as "width 0.8 m"."""
+    text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    if key.endswith(METRES):
+        return f"{key.removesuffix(METRES).replace('_', ' ')} {text} m"
+    return f"{key.replace('_', ' ')} {text}"

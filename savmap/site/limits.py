@@ -20,11 +20,11 @@ class EnvelopeLimits(InspectionLimits):
     """What must pass along every aisle, such as a truck with its load: an upright rectangle, swept along it."""
 
     width_m: Metres | None = None
-    """Its width."""
+    """Width of what must pass along the aisle."""
     height_m: Metres | None = None
-    """Its height."""
+    """Height of what must pass along the aisle."""
     margin_m: Annotated[float, Field(gt=0, lt=10)] = 0.1
-    """What should be free around it in each direction: less is amber, nothing is red."""
+    """What should be free around it: less is amber, nothing is red."""
     source: str = "the site"
     """Where these numbers come from."""
 

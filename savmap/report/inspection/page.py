@@ -62,12 +62,12 @@ def page_text(page: InspectionPage) -> str:
 
 
 FORM_COLUMNS = (
-    *("row", "grade", "finding", "along the row, m", "height, m", "value", "limit"),
+    *("row", "grade", "finding", "along row, m", "height, m", "value", "limit"),
     *("on site", "decision", "deadline", "remarks"),
 )
 FORM_LINES = (
     "site",
-    "filmed on, where that is not recorded",
+    "filmed on",
     "name",
     "qualification",
     "date of the inspection",

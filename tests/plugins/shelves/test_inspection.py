@@ -9,6 +9,7 @@ import pytest
 from perfect_maps import structures_of, surveyed_row
 
 from savmap.errors import OutputError, SiteError
+from savmap.plugin.inspection import limit_lines
 from savmap.plugin.manager import LoadedPlugin, open_plugin
 from savmap.types import Finding, Measured, RowInspection, Structure
 
@@ -114,6 +115,9 @@ def test_levels_that_no_bay_has_and_load_units_without_levels_are_named(shelves:
     assert [(finding.title, finding.grade) for finding in nowhere] == [
         ("box on level 9: no bay of the row has such a level", "unknown")
     ]
+    limits = shelves.limits({"load_units": units}, "limits")
+    shown = {line.value for line in limit_lines(limits, inspection.applied)}
+    assert {"name box, width 0.5 m, height 0.5 m, levels 1, 9", "up to 3.0 m, beside 0.075 m, above 0.075 m"} <= shown
     assert "whether drum fits: the limits give it no `levels`" in inspection.unchecked
     assert not any("whether box" in line for line in inspection.unchecked)
 
