@@ -201,3 +201,12 @@ def test_what_leans_is_straightened_for_the_solve_and_all_else_is_left_bit_for_b
     assert after < 0.25 * before
     assert upright is tops[1]
     assert all(new is old for new, old in zip(others, tracks, strict=True))
+
+
+def test_frames_whose_pose_is_wrong_lean_nothing() -> None:
+    tracks, path = parts(Bent())
+    wrong = path.world_from_rig.copy()
+    wrong[:4, 1, 3] += np.linspace(4.0, 1.0, 4)
+    tops = [ends_of(k, 0.0, path) for k in (2, 3)]
+    straight = straightened([*tops, *tracks], FACTS, replace(path, world_from_rig=wrong))
+    assert all(new is old for new, old in zip(straight, [*tops, *tracks], strict=True))

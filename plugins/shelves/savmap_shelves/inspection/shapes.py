@@ -42,6 +42,9 @@ POSE_SIGMAS = np.array([0.05, 0.05, 0.05, 0.02, 0.02, 0.02])
 SHIFT_M, MOST_LEAN, MOST_BOW = 0.1, 0.05, 0.02
 """How far poses (m, rad) and edges may be off, uprights may lean, and, as a share of their length, members may be
 bowed: so loosely that the pictures decide."""
+FARTHEST_M = 0.2
+"""What is further from an edge is none of it: a few such, by frames whose pose is wrong before the map is solved, turn
+a whole row, whatever Huber's weights take from them."""
 BAY_TILT, BEAM_TILT = 0.001, 0.001
 """Standard deviations of how far the floor tilts a bay, and a connector a beam in it: of all that is measured, only
 these know where down is."""
@@ -258,17 +261,17 @@ def _equations(parts: Sequence[Track], facts: RowFacts, path: Trajectory, layout
         edge, along = EDGES[track.label].index(_edge(track)), places.positions[:, 1 - axis]
         number = np.full(len(along), member.column // OF_MEMBER)
         error, which = places.positions[:, axis] - at, member.places(edge, along)
-        every.append(
-            (
-                error,
-                places.slopes[:, axis],
-                member.terms(edge, along),
-                places.weights[:, axis],
-                number,
-                which,
-                places.frames,
-            )
+        of_part = (
+            error,
+            places.slopes[:, axis],
+            member.terms(edge, along),
+            places.weights[:, axis],
+            number,
+            which,
+            places.frames,
         )
+        near = np.abs(error) < FARTHEST_M
+        every.append(tuple(column[near] for column in of_part))
     if every:
         *columns, frames = (np.concatenate(column) for column in zip(*every, strict=True))
         for frame in np.unique(frames):
