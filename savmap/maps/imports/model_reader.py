@@ -29,7 +29,7 @@ from savmap.maps.imports.records import (
     element,
     listed,
 )
-from savmap.types import Floats, Ints
+from savmap.types import Floats, Ints, array_record
 
 MOST_ELEMENTS = 200_000
 """That have a label."""
@@ -119,6 +119,7 @@ def _notes(faults: Sequence[str], others: Counter[tuple[str, str]], empty: Seque
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Member:
     """An element that has a label: its row ("" where the file names none), its vertices (n, 3) in the model's unit with
     their labels, where savmap wrote them, and the elements whose bodies are its."""
