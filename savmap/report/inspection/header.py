@@ -28,7 +28,6 @@ def page_header(site_map: SiteMap, map_file: Path, limits: Path | None, drawing:
         ("mapped", " ".join(_mapped(site_map, log.ended[:10] if log else ""))),
         ("rows", ", ".join(site_map.rows)),
         ("footage", "; ".join(f"row {row}: {names}" for row, names in footage.items()) or NOT_RECORDED),
-        ("filmed on", NOT_RECORDED),
         ("limits", str(limits) if limits else "the usual ones"),
         ("drawing", str(drawing) if drawing else "none"),
         ("inspected with", f"savmap {version('savmap')}"),

@@ -152,13 +152,11 @@ ACTIONS: Mapping[Grade, str] = {
 
 
 def _fit_finding(fit: Fit) -> Finding:
+    grade, missing = _grade(fit)
     sizes = {"width": fit.free_width} if fit.too_wide else {"width": fit.free_width, "height": fit.free_height}
     side, free = min(
         ((side, size) for side, size in sizes.items() if size), key=lambda item: item[1].value, default=("", None)
     )
-    missing = 1 - (_positive(fit.free_width) if fit.too_wide and fit.free_width else fit.probability)
-    uncertain = fit.free_width is None or fit.slot.attributes.get("assumed")
-    grade: Grade = "red" if fit.too_wide else "unknown" if uncertain else "red" if missing > SURE else grade_of(missing)
     left = f"{side} left" if free else "width not measured"
     note = f"; {fit.note}" if fit.note and not fit.too_wide else ""
     x, y, z = fit.slot.vertices.mean(axis=0).tolist()
@@ -177,3 +175,13 @@ def _fit_finding(fit: Fit) -> Finding:
         "load_units",
         "load unit and clearances of the limits",
     )
+
+
+def _grade(fit: Fit) -> tuple[Grade, float]:
+    """The grade, and the probability that the load unit does not fit."""
+    if fit.too_wide and fit.free_width:
+        return "red", 1 - _positive(fit.free_width)
+    missing = 1 - fit.probability
+    if fit.free_width is None or fit.slot.attributes.get("assumed"):
+        return "unknown", missing
+    return ("red" if missing > SURE else grade_of(missing)), missing

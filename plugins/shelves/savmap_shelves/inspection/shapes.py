@@ -42,9 +42,6 @@ POSE_SIGMAS = np.array([0.05, 0.05, 0.05, 0.02, 0.02, 0.02])
 SHIFT_M, MOST_LEAN, MOST_BOW = 0.1, 0.05, 0.02
 """How far poses (m, rad) and edges may be off, uprights may lean, and, as a share of their length, members may be
 bowed: so loosely that the pictures decide."""
-FARTHEST_M = 0.2
-"""What is further from an edge is none of it: a few such, by frames whose pose is wrong before the map is solved, turn
-a whole row, whatever Huber's weights take from them."""
 BAY_TILT, BEAM_TILT = 0.001, 0.001
 """Standard deviations of how far the floor tilts a bay, and a connector a beam in it: of all that is measured, only
 these know where down is."""
@@ -270,7 +267,8 @@ def _equations(parts: Sequence[Track], facts: RowFacts, path: Trajectory, layout
             which,
             places.frames,
         )
-        near = np.abs(error) < FARTHEST_M
+        # what is further away is no part of the edge: by a few frames whose pose is wrong, it would turn a whole row
+        near = np.abs(error) < 2 * SHIFT_M
         every.append(tuple(column[near] for column in of_part))
     if every:
         *columns, frames = (np.concatenate(column) for column in zip(*every, strict=True))
