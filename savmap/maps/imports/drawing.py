@@ -60,7 +60,6 @@ class Piece:
 
 def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
     """The elements of a drawing. `labels`: those of the plugins, by themselves in lower case. Raises OutputError."""
-    require_library("ezdxf", "cad")
     content = bytes_of(path, MOST_MB)
     if content.startswith(DWG):
         raise OutputError(f"{path}: is a DWG drawing, which is not read: save it as DXF")
@@ -68,6 +67,7 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
         raise OutputError(f"{path}: is a binary DXF drawing, which is not read: save it as DXF in text (ASCII)")
     if not SECTION.search(content):  # the library takes it for a drawing that is empty
         raise OutputError(f"{path}: is no DXF drawing")
+    require_library("ezdxf", "cad")
     logger = logging.getLogger("ezdxf")  # what cannot be read is said once
     before, logger.disabled = logger.disabled, True
     try:

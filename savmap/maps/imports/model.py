@@ -28,12 +28,12 @@ MODEL, REQUEST, RESULT, FAULT = "model.ifc", "request", "result", "fault"
 def read_model(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> FileElements:
     """The elements of a building model that have a label. `labels`: those of the plugins, by themselves and by classes
     of IFC in lower case. Raises OutputError."""
-    require_library("ifcopenshell", "bim")
     content = bytes_of(path, MOST_MB)
     if BEGIN not in content[:1000]:
         raise OutputError(f"{path}: is no IFC model in STEP's text (compressed ones and XML are not read)")
     if END not in content:
         raise OutputError(f"{path}: is an IFC model that is cut off: its last line is missing")
+    require_library("ifcopenshell", "bim")
     with TemporaryDirectory(prefix="savmap-model-") as name:
         folder = Path(name)
         (folder / MODEL).write_bytes(content)
