@@ -42,9 +42,9 @@ class Limit(InspectionLimits):
     """What is in order up to `amber` and bad beyond `red`, in the unit of what is measured. A default with a smaller
     `red` says that small values are bad, and a site's must then have one, too."""
 
-    amber: Annotated[float, Field(ge=0)]
+    amber: Annotated[float, Field(ge=0, strict=True)]
     """From here on it needs attention."""
-    red: Annotated[float, Field(ge=0)]
+    red: Annotated[float, Field(ge=0, strict=True)]
     """From here on it is bad."""
     source: str = "the site"
     """Where the limit comes from."""

@@ -55,6 +55,12 @@ def test_limits_whose_red_comes_before_amber_are_refused(shelves: LoadedPlugin) 
             shelves.limits({key: {"amber": 6, "red": 3}}, "limits")
 
 
+@pytest.mark.parametrize("amber", [True, "5", "five"])
+def test_limits_that_are_no_numbers_are_refused(shelves: LoadedPlugin, amber: object) -> None:
+    with pytest.raises(SiteError, match="`lean_permille.amber`: a number is expected"):
+        shelves.limits({"lean_permille": {"amber": amber, "red": 10}}, "limits")
+
+
 def test_slots_take_load_units_with_a_probability(shelves: LoadedPlugin) -> None:
     """Bay 1 is 3.6 m wide, its level 1 0.8 m high; a load of 0.725 m, with 0.075 m above, fits exactly."""
     unit = {"name": "box", "width_m": 0.79, "height_m": 0.7252, "levels": [1]}
