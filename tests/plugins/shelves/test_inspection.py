@@ -57,7 +57,7 @@ def test_limits_whose_red_comes_before_amber_are_refused(shelves: LoadedPlugin) 
 
 @pytest.mark.parametrize("amber", [True, "5", "five"])
 def test_limits_that_are_no_numbers_are_refused(shelves: LoadedPlugin, amber: object) -> None:
-    with pytest.raises(SiteError, match="`lean_permille.amber`: a number is expected"):
+    with pytest.raises(SiteError, match=r"`lean_permille\.amber`: a number is expected"):
         shelves.limits({"lean_permille": {"amber": amber, "red": 10}}, "limits")
 
 
