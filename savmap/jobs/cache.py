@@ -10,9 +10,9 @@ import logging
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -70,16 +70,15 @@ class NoCache:
 
 @dataclass(frozen=True)
 class FolderCache:
-    """What earlier runs worked out of each row, by stage and by the key of what it was made of (see `cache_keys`), in
-    an output folder. `fresh`: what an earlier run kept is not used."""
+    """What runs worked out of each row, by stage and by the key of what it was made of (see `cache_keys`), in an output
+    folder."""
 
     folder: Path
-    fresh: bool = False
 
     def load(self, row: str, stage: str, key: str) -> bytes | None:
         """What a stage of a row gave when it was made of the same; None where nothing fits."""
         try:
-            content = b"" if self.fresh else self._path(row, stage).read_bytes()
+            content = self._path(row, stage).read_bytes()
         except OSError:
             return None
         head, _, body = content.partition(b"\n")
@@ -105,6 +104,15 @@ class FolderCache:
             return False
         return True
 
+    def clear(self, rows: Iterable[str]) -> None:
+        """Forget all that is kept of rows. Raises OutputError where it cannot be removed."""
+        for row in rows:
+            for path in (self.folder / FOLDER / file_name(row)).glob("*"):
+                try:
+                    path.unlink()
+                except OSError as error:
+                    raise OutputError(f"{path}: cannot be removed ({reason(error)}); choose another -o") from error
+
     def frames(self, row: str, key: str) -> Parts:
         """Where what is measured in single frames of a row is kept, until all of them are measured."""
         return _FrameParts(self, row, key)
@@ -118,16 +126,14 @@ RowCache = FolderCache | NoCache
 
 @dataclass(frozen=True)
 class _FrameParts:
-    """Parts of what was measured in single frames of a row, each in a file of its own. Part 0 tells what is kept, which
-    may be of this run, also where nothing of an earlier one is used."""
+    """Parts of what was measured in single frames of a row, each in a file of its own."""
 
     cache: FolderCache
     row: str
     key: str
 
     def load(self, part: int) -> bytes | None:
-        cache = self.cache if part else replace(self.cache, fresh=False)
-        return cache.load(self.row, f"frames-{part}", self.key)
+        return self.cache.load(self.row, f"frames-{part}", self.key)
 
     def save(self, part: int, content: bytes) -> None:
         self.cache.save(self.row, f"frames-{part}", self.key, content)

@@ -108,7 +108,10 @@ def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     after everything is solved: map.json, run.json, report.html, view.html with what it loads, site.resolved.json,
     pictures and an orthophoto of each row. Raises as `map_job` does, and OutputError.
     """
-    return _run(job, options, monitor, FolderCache(job.output, options.fresh), write=True)
+    cache = FolderCache(job.output)
+    if options.fresh:
+        cache.clear(job.site.rows)
+    return _run(job, options, monitor, cache, write=True)
 
 
 @contextmanager

@@ -34,7 +34,7 @@ Group = tuple[str, ...]
 @dataclass(frozen=True)
 class RunOptions:
     """How a job is run: in so many processes (0: in this one; None: as fits the rows and this machine) or by the
-    workers of the Dask scheduler at an address, and whether what an earlier run kept is ignored."""
+    workers of the Dask scheduler at an address, and whether what an earlier run kept is forgotten first."""
 
     jobs: int | None = None
     fresh: bool = False

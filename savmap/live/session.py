@@ -168,7 +168,9 @@ class LiveMapping:
         self.assistant = CaptureAssistant()
         self.latest: RowMap | None = None
         self._key = digest(live=job.site.model_dump(mode="json"), row=row)
-        self._parts = FolderCache(job.output, fresh=not resume).frames(row, self._key)
+        self._parts = FolderCache(job.output).frames(row, self._key)
+        if not resume:
+            forget(self._parts)
         self._journal = Journal(self._parts)
         self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
         self._stamps: list[float] = []

@@ -41,6 +41,7 @@ def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) 
     if row == "B":
         for frame in range(EARLIER[row], EARLIER[row] + 3):
             journal.add(row, frame, FrameRecord({}))
+        assert all(journal.get(FrameRecord, row, frame) for frame in range(EARLIER[row] + 3))
         raise KeyboardInterrupt
     return [SavmapError("nothing is there")]
 
@@ -78,6 +79,20 @@ def test_interrupt_says_what_is_kept_and_how_to_go_on(
     assert said(f"{again} --set rows.B.fps=6", monkeypatch, capsys)[-2].startswith(
         "my out keeps row B (3 of 12 frames)"
     )
+
+
+def test_after_a_fresh_run_nothing_of_an_earlier_one_is_used(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where it is cut off, and goes on without --fresh."""
+    kept = FolderCache(folder / "out")
+    kept.save("B", "measured", "key", b"of an earlier run")
+    said("savmap map --jobs 0", monkeypatch, capsys)
+    said("savmap map --jobs 0 --fresh", monkeypatch, capsys)
+    assert kept.latest("B", "measured") is None
+    assert EARLIER["B"] == 0
+    said("savmap map --jobs 0", monkeypatch, capsys)
+    assert EARLIER["B"] == 3
 
 
 def test_frames_are_forgotten_when_their_row_is_measured(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,24 @@ def test_what_was_kept_comes_back_for_the_same_fingerprint_only(store: FolderCac
     assert store.load(NAME, "seen", "ab13") is None
     assert store.load(NAME, "solved", "ab12") is None
     assert store.load("other", "seen", "ab12") is None
-    assert FolderCache(store.folder, fresh=True).load(NAME, "seen", "ab12") is None
+
+
+def test_what_is_cleared_is_gone_and_what_follows_is_kept(store: FolderCache) -> None:
+    store.save("other", "seen", "ab12", b"one")
+    store.clear([NAME, "never mapped"])
+    assert store.load(NAME, "seen", "ab12") is None
+    assert store.load("other", "seen", "ab12") == b"one"
+    store.save(NAME, "seen", "ab12", b"two")
+    assert store.load(NAME, "seen", "ab12") == b"two"
+
+
+def test_what_cannot_be_cleared_is_told(store: FolderCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(path: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "unlink", refuses)
+    with pytest.raises(OutputError, match=r"seen: cannot be removed \(permission denied\); choose another -o"):
+        store.clear([NAME])
 
 
 def test_rows_keep_to_the_folder_whatever_their_names(store: FolderCache, tmp_path: Path) -> None:
