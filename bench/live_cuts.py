@@ -165,7 +165,7 @@ def phase(output: Path) -> str:
         state = json.loads((output / STATE).read_text(encoding="utf-8"))
     except OSError:
         return "before the first frame"
-    if state["status"] == "stopped":
+    if state["status"] != "walking":
         return "during the final map"
     return "mapped" if state["maps"] else "measuring" if state["measured"] else "walking"
 

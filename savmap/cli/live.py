@@ -11,7 +11,7 @@ from savmap.errors import VideoError
 from savmap.jobs.cache import locked
 from savmap.live.assistant import Advice
 from savmap.live.rows import LiveRows
-from savmap.live.session import LiveMapping, LiveState
+from savmap.live.session import LiveMapping, LiveState, end_told
 from savmap.live.sources import LiveJob
 from savmap.maps.exports.recordings import MapRecorder
 from savmap.site.job import Job, prepare
@@ -43,7 +43,8 @@ def walk_and_print(
             say(f"{error}; mapping what was recorded", err=True)
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
-    map_and_print(_with_rows_found(job) if splits else job.recorded)
+    with end_told(output):
+        map_and_print(_with_rows_found(job) if splits else job.recorded)
 
 
 def _recording(output: Path, records: bool) -> MapRecorder | nullcontext[None]:

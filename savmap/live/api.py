@@ -12,7 +12,7 @@ from savmap.jobs.cache import locked
 from savmap.jobs.map_site import made_by, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.live.rows import LiveRows
-from savmap.live.session import LiveMapping, LiveState
+from savmap.live.session import LiveMapping, LiveState, end_told
 from savmap.live.sources import recorded_job
 from savmap.site.job import prepare
 from savmap.site.overrides import overrides_of
@@ -90,8 +90,8 @@ class LiveSession:
         """End the session and map all that was recorded, as `map_site` does. Raises as that does."""
         self.close()
         monitor = progress or SilentMonitor()
-        job = self._job.with_rows_found(monitor) if self._splits else self._job.recorded
-        with locked(job.output):
+        with end_told(self._job.recorded.output), locked(self._job.recorded.output):
+            job = self._job.with_rows_found(monitor) if self._splits else self._job.recorded
             return map_job_into(job, RunOptions(0), monitor).site_map
 
     def close(self) -> None:

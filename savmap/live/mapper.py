@@ -39,11 +39,11 @@ from savmap.report.viewer import View, write_view
 from savmap.site.job import Job
 from savmap.site.model import pass_names
 from savmap.types import MapWarning, RowMap, SiteMap, ViewPlan
+from savmap.types.maps import PROVISIONAL
 from savmap.types.progress import SilentMonitor
 from savmap.vision.views import Renderer
 
 log = logging.getLogger("savmap")
-PROVISIONAL = "note provisional"
 MOST_MAPPED = 400
 """Frames of a provisional map; a row of twenty bays takes about half of it."""
 

@@ -12,9 +12,11 @@ import shutil
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from types import MappingProxyType, TracebackType
 
 import numpy as np
@@ -26,6 +28,7 @@ from savmap.files.urls import is_url
 from savmap.geometry.vanishing import RIG_UP
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.cache_keys import digest
+from savmap.jobs.map_site import MAP, MAPPED
 from savmap.jobs.tasks import request_for
 from savmap.live.assistant import (
     DISK_BYTES,
@@ -36,6 +39,7 @@ from savmap.live.assistant import (
     most_urgent,
 )
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest
+from savmap.maps.map_file import read_map
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.records import RowRequest
@@ -67,7 +71,10 @@ STATE_S = 0.5
 class LiveState:
     """How far a session is, as `live.json` holds it: seconds of footage; frames that came, that were measured, and that
     were passed over until the end; what to do, the most urgent first; elements of the latest map, how many of its
-    frames it is of, how long it took and its problem, if there was none."""
+    frames it is of, how long it took and its problem, if there was none.
+
+    `status`: "walking", "stopped", "mapping" (all that was recorded), and then "mapped", where the problem is which
+    rows must be checked, or "failed"."""
 
     status: str
     footage_s: float = 0.0
@@ -85,6 +92,31 @@ class LiveState:
     def as_json(self) -> str:
         """The state's text."""
         return json.dumps(asdict(self), indent=1) + "\n"
+
+
+@contextmanager
+def end_told(output: Path) -> Iterator[None]:
+    """Let `live.json` in an output folder tell that all that was recorded is mapped, which is done meanwhile, and how
+    it ends."""
+    path = output / STATE
+    failure: BaseException | None = None
+    state = asdict(LiveState("mapping")) | (json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {})
+    state |= {"status": "mapping", "lag_s": 0.0, "advice": [], "problem": ""}
+    write_text(path, json.dumps(state, indent=1) + "\n")
+    try:
+        yield
+    except BaseException as error:
+        failure = error
+        raise
+    finally:
+        if failure is None or isinstance(failure, MAPPED):
+            site_map = read_map(output / MAP)
+            elements = sum(len(group) for row in site_map.rows.values() for group in row.structures.values())
+            state |= {"status": "mapped", "measured": state["frames"], "passed_over": 0, "elements": elements}
+            state["problem"] = site_map.banner
+        else:
+            state |= {"status": "failed", "problem": str(failure) or "it was interrupted"}
+        write_text(path, json.dumps(state, indent=1) + "\n")
 
 
 class _LatestFrames:
@@ -174,6 +206,7 @@ class LiveMapping:
         self._journal = Journal(self._parts)
         self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
         self._stamps: list[float] = []
+        self._to_measure: list[float] = []
         self._measured: set[int] = set()
         self._advice: list[Advice] = []
         self._walk: RowWalk | None = None
@@ -212,6 +245,7 @@ class LiveMapping:
         if self._journal.has(self.row, panorama.frame):
             self._measured.add(panorama.frame)
         elif measures:
+            self._to_measure.append(panorama.stamp_s)
             self._frames.put(panorama)
         self._map_again()
         self._advice = [*advice, *self._further_advice()]
@@ -343,8 +377,10 @@ class LiveMapping:
             mapper.request(MapRequest(tuple(self._stamps), self.measured))
 
     def _lag_s(self) -> float:
-        """By how much footage what was measured is behind what came."""
-        return max(self._stamps[-1] - self._handled, 0.0) if self._measured and self._handled else 0.0
+        """By how much footage what was measured is behind what came to be; first, behind the frames by which views are
+        chosen."""
+        came = self._to_measure
+        return max(came[-1] - max(self._handled, came[:PREVIEWED][-1]), 0.0) if came else 0.0
 
     def _further_advice(self) -> list[Advice]:
         advice = []

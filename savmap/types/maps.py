@@ -202,6 +202,8 @@ class JointCovariance:
 
 SKIPPED = "frames skipped"
 """A row's figure: how many frames of its passes the decoder left out."""
+PROVISIONAL = "note provisional"
+"""A row's figure: of which frames it is mapped while the walk goes on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,12 +390,18 @@ class SiteMap:
 
     @property
     def banner(self) -> str:
-        """Which rows could not be mapped, and which must be checked before their map is used, in one line; "" where
-        there are none."""
-        warned = [name for name, row in self.rows.items() if row.verdict and row.verdict.warnings]
+        """Which rows could not be mapped, which must be checked before their map is used, and which are provisional, in
+        one line; "" where there are none."""
+        provisional = [name for name, row in self.rows.items() if PROVISIONAL in row.report]
+        against = [name for name, row in self.rows.items() if row.verdict and row.verdict.warnings]
+        warned = [name for name in against if name not in provisional]
         count = len(self.rows.keys() | self.failed.keys())
         rows = "1 row" if count == 1 else f"{count} rows"
-        parts = (([*self.failed], "could not be mapped"), (warned, "must be checked"))
+        parts = (
+            ([*self.failed], "could not be mapped"),
+            (warned, "must be checked"),
+            (provisional, "mapped provisionally, while the walk goes on"),
+        )
         return "; ".join(f"{len(names)} of {rows} {what}: {', '.join(names)}" for names, what in parts if names)
 
     def _repr_html_(self) -> str:

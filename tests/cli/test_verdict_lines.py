@@ -1,5 +1,6 @@
 """What the terminal says of each row: two lines of a trusted one, two for each warning of another."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from savmap.maps.run_record import RunLog
 from savmap.report.viewer.data import page_data
 from savmap.site.job import Job
 from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types.maps import PROVISIONAL
 
 PATH = Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
 LENGTH = MapWarning(
@@ -46,6 +48,11 @@ def test_a_warning_prints_two_lines_without_its_details() -> None:
         "  lens-seam: the pictures are bent at a seam",
     ]
     assert lines[5:] == ["details: out/report.html, out/map.json, savmap view out"]
+
+
+def test_a_row_that_goes_on_need_not_be_checked() -> None:
+    goes_on = replace(row("A", LENGTH), report={PROVISIONAL: "of 9 of 11 frames"})
+    assert site(goes_on).banner == "1 of 1 row mapped provisionally, while the walk goes on: A"
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The command `savmap live`: what ends the walk, and what is mapped then."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,10 +10,11 @@ import pytest
 
 from savmap.cli import live
 from savmap.errors import VideoError
-from savmap.live.session import LiveState
+from savmap.live.session import STATE, LiveState
 from savmap.live.sources import LiveJob, live_job
+from savmap.maps.map_file import write_map
 from savmap.site.job import Job
-from savmap.types import Panorama, RowMap
+from savmap.types import Panorama, RowMap, SiteMap
 
 from ..video.made_up_video import evenly, picture, write_video
 
@@ -46,9 +48,14 @@ def job(tmp_path: Path) -> LiveJob:
 @pytest.fixture
 def mapped(monkeypatch: pytest.MonkeyPatch) -> list[Job]:
     jobs: list[Job] = []
+
+    def maps(job: Job) -> None:
+        jobs.append(job)
+        write_map(SiteMap({}, {}), job.output / "map.json")
+
     monkeypatch.setattr(live, "LiveMapping", FakeMapping)
     monkeypatch.setattr(live, "LiveRows", FakeMapping)
-    monkeypatch.setattr(live, "map_and_print", jobs.append)
+    monkeypatch.setattr(live, "map_and_print", maps)
     return jobs
 
 
@@ -65,6 +72,7 @@ def test_what_was_recorded_is_mapped_however_the_walk_ends(
 ) -> None:
     live.walk_and_print(job, frames(3, ending), False)
     assert mapped == [job.recorded]
+    assert json.loads((job.walked.output / STATE).read_text())["status"] == "mapped"
     said = capsys.readouterr().err
     assert ("the source is lost (timed out); mapping what was recorded" in said) == isinstance(ending, VideoError)
 

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,22 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 import savmap
-from savmap.errors import OutputError, PluginError, SiteError, StructureError, VideoError
+from savmap.errors import (
+    MustCheckError,
+    OutputError,
+    PluginError,
+    SavmapError,
+    SiteError,
+    StructureError,
+    VideoError,
+)
 from savmap.files.journal import Journal, TemporaryParts
 from savmap.files.serialization import packed
 from savmap.files.urls import where
 from savmap.jobs.cache_keys import measurement_key, strips_key
 from savmap.live import mapper, session, sources
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps, ReadOnlyParts
-from savmap.live.session import STATE, LiveMapping
+from savmap.live.session import STATE, LiveMapping, LiveState, end_told
 from savmap.live.sources import live_job, recorded_job, recordings
 from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk
@@ -33,7 +42,20 @@ from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.job import Job, job_for
 from savmap.split import DetectedPass, SplitResult
 from savmap.split.site_rows import new_site
-from savmap.types import Detection, Feature, FrameTable, Panorama, RowMap, SiteMap, Trajectory, View, ViewPlan, ViewSpec
+from savmap.types import (
+    Detection,
+    Feature,
+    FrameTable,
+    MapWarning,
+    Panorama,
+    RowMap,
+    SiteMap,
+    Trajectory,
+    Verdict,
+    View,
+    ViewPlan,
+    ViewSpec,
+)
 from savmap.types.progress import SilentMonitor
 
 from ..plugin.made_up_plugin import plugin_class
@@ -219,6 +241,35 @@ def test_what_is_not_seen_together_is_said_once_it_is_sure(
             live._reply = MapReply(None, "no picture shows two of them", frames_mapped, 1.0, is_unseen=True)
             codes.append([item.code for item in live.take(panorama_after(frames_mapped)).advice])
         assert codes == [[], ["not-seen"]]
+
+
+def test_a_machine_too_slow_to_begin_says_lag(job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LiveMapping, "_plan", lambda _: False)  # as while views are being chosen
+    with LiveMapping(job, "1") as live:
+        states = [live.take(panorama_after(number)) for number in range(session.PREVIEWED + 60)]
+    said = ["lag" in [item.code for item in state.advice] for state in states]
+    assert said == [False] * (session.PREVIEWED + 50) + [True] * 10
+    assert states[-1].lag_s == 6.0
+
+
+@pytest.mark.parametrize(
+    "failure", [None, MustCheckError("mapped, but"), StructureError("no row"), KeyboardInterrupt()]
+)
+def test_state_tells_how_the_final_map_ended(tmp_path: Path, failure: BaseException | None) -> None:
+    verdict = Verdict((MapWarning("camera-motion"),) if isinstance(failure, MustCheckError) else ())
+    (tmp_path / STATE).write_text(LiveState("stopped", frames=9, measured=2, problem="x").as_json())
+    with suppress(SavmapError, KeyboardInterrupt), end_told(tmp_path):
+        assert json.loads((tmp_path / STATE).read_text())["status"] == "mapping"
+        if failure is not None and not isinstance(failure, MustCheckError):
+            raise failure
+        write_map(SiteMap({"1": replace(MAPPED, verdict=verdict)}, {}), tmp_path / "map.json")
+        if failure is not None:
+            raise failure
+    state = json.loads((tmp_path / STATE).read_text())
+    mapped = failure is None or isinstance(failure, MustCheckError)
+    assert (state["status"], state["measured"]) == (("mapped", 9) if mapped else ("failed", 2))
+    problems = {MustCheckError: "1 of 1 row must be checked: 1", StructureError: "no row"}
+    assert state["problem"] == problems.get(type(failure), "it was interrupted" if failure else "")
 
 
 def test_choosing_views_ends_with_the_session(job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,11 +4,13 @@ import http.client
 import json
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from opened_page import until
 
 from savmap.maps.map_file import write_map
 from savmap.report.viewer.live import LiveServer, events_of, live_page, plan_of
@@ -67,12 +69,31 @@ def test_events_tell_of_the_state_and_of_each_new_map(folder: Path) -> None:
     (folder / "live.json").write_text(json.dumps(STATE | {"frames": 4}))
     assert next(events) == f"event: state\ndata: {json.dumps(STATE | {'frames': 4})}\n\n"
     write_map(site_map(0.5), folder / "map.json")
+    (folder / "view.html").write_text("<title>later</title>")
     assert json.loads(next(events).split("data: ")[1])["elements"][0]["probability"] == 0.5
 
 
 def test_plan_has_edges_sigma_and_probability(folder: Path) -> None:
     (element,) = plan_of(folder / "map.json")["elements"]  # type: ignore[misc]
     assert element == {"id": "post 1", "edges": [[0.0, 0.0, 0.0, 2.0]], "sigma_mm": 2.0, "probability": 1.0}
+
+
+def test_a_new_map_is_told_of_once_its_page_is_there(folder: Path) -> None:
+    events = events_of(folder)
+    next(events)
+    write_map(site_map(0.5), folder / "map.json")
+    (folder / "live.json").write_text(json.dumps(STATE | {"frames": 4}))
+    assert "event: map" not in next(events)
+
+
+def test_plan_leaves_assumed_ends_out_of_sigma(tmp_path: Path) -> None:
+    made = site_map()
+    (part,) = made.rows["A"].structures["posts"]
+    unsure = np.array([[4e-6], [4.0]])[..., None] * np.eye(3)
+    part = replace(part, covariances=unsure, attributes={**part.attributes, "ends": "high assumed"})
+    write_map(replace(made, rows={"A": replace(made.rows["A"], structures={"posts": (part,)})}), tmp_path / "map.json")
+    (element,) = plan_of(tmp_path / "map.json")["elements"]  # type: ignore[misc]
+    assert element["sigma_mm"] == 2.0
 
 
 def test_a_map_that_is_not_there_has_no_elements(tmp_path: Path) -> None:
@@ -107,4 +128,26 @@ def test_page_shows_what_to_do(server: LiveServer, folder: Path, chromium: Any) 
     assert page.evaluate("document.getElementById('bar').className") == "attention"
     page.wait_for_selector("#plan path", state="attached")
     assert page.evaluate("document.querySelector('#plan path').getAttribute('class')") == "fine"
+    page.close()
+
+
+@pytest.mark.extra("browser")
+def test_page_says_how_the_walk_ended(server: LiveServer, folder: Path, chromium: Any) -> None:
+    page = chromium.new_page()
+    page.goto(server.address)
+    checked = "1 of 1 row must be checked: A"
+    ends = (
+        ("mapping", "", "good", "The walk has ended. All that was recorded is being mapped."),
+        ("mapped", "", "good", "Done: all is mapped, and nothing speaks against it."),
+        ("mapped", checked, "attention", f"Done: all is mapped, but {checked}."),
+        ("failed", "no row is seen", "stop", "The walk has ended, and no final map was made: no row is seen"),
+    )
+    for status, problem, severity, text in ends:
+        figures = {"footage_s": 3.0, "measured": 3, "elements": 1, "maps": 0}
+        state = STATE | figures | {"status": status, "problem": problem}
+        (folder / "live.json").write_text(json.dumps(state))
+        until(page, f"document.getElementById('text').textContent == {json.dumps(text)}")
+        assert page.evaluate("document.getElementById('bar').className") == severity
+        assert page.inner_text("#figures").split(" · ")[1] == ("3 frames" if status == "mapped" else "3 of 3 frames")
+        assert page.inner_text("#problem") == ""
     page.close()

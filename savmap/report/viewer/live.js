@@ -1,16 +1,26 @@
 "use strict";
 const ARROWS = { left: "\u2190", right: "\u2192", back: "\u21e4", on: "\u21e5", "": "" };
+const WALK_ON = { severity: "good", text: "Walk on.", arrow: "on" };
+const ended = (severity, text) => ({ severity, text, arrow: "" });
+const ENDS = {
+  stopped: () => ended("good", "The walk has ended. What is mapped is provisional."),
+  mapping: () => ended("good", "The walk has ended. All that was recorded is being mapped."),
+  mapped: (banner) =>
+    banner ? ended("attention", `Done: all is mapped, but ${banner}.`) : ended("good", "Done: all is mapped, and nothing speaks against it."),
+  failed: (problem) => ended("stop", `The walk has ended, and no final map was made: ${problem}`),
+};
 const byId = (id) => document.getElementById(id);
 
 function showState(state) {
-  const first = state.advice[0] ?? { severity: "good", text: "Walk on.", arrow: "on" };
   const walking = state.status === "walking";
-  byId("bar").className = walking ? first.severity : "good";
-  byId("text").textContent = walking ? first.text : "The walk has ended; all that was recorded is mapped now.";
-  byId("arrow").textContent = walking ? ARROWS[first.arrow] : "";
-  byId("figures").textContent =
-    `${state.footage_s.toFixed(0)} s · ${state.measured} of ${state.frames} frames · ${state.elements} elements`;
-  byId("problem").textContent = state.maps || !state.problem ? "" : `No map yet: ${state.problem}`;
+  const first = walking ? (state.advice[0] ?? WALK_ON) : ENDS[state.status](state.problem);
+  byId("bar").className = first.severity;
+  byId("text").textContent = first.text;
+  byId("arrow").textContent = ARROWS[first.arrow];
+  const frames = state.status === "mapped" ? state.frames : `${state.measured} of ${state.frames}`;
+  byId("figures").textContent = `${state.footage_s.toFixed(0)} s · ${frames} frames · ${state.elements} elements`;
+  const missing = state.problem ? `No map yet: ${state.problem}` : "No map yet.";
+  byId("problem").textContent = walking && !state.maps ? missing : "";
 }
 
 function showPlan(plan) {

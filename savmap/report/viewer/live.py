@@ -17,7 +17,7 @@ from savmap.errors import OutputError
 from savmap.maps.map_file import read_map
 from savmap.report.templating import digest
 from savmap.report.viewer.serve import PageHandler, ViewServer
-from savmap.types import SiteMap, Structure
+from savmap.types import Bools, SiteMap, Structure
 
 STATE, MAP, VIEW = "live.json", "map.json", "view.html"
 POLL_S, SILENT_S = 0.3, 5.0
@@ -87,13 +87,14 @@ def live_page() -> str:
 
 
 def events_of(folder: Path) -> Iterator[str]:
-    """Events, without end: `state` whenever the session's state changes, `map` whenever there is a new map."""
+    """Events, without end: `state` whenever the session's state changes, `map` whenever there is a new map with its
+    page, which is written last."""
     states, maps, spoken_s = 0, 0, 0.0
     while True:
         text = ""
         if (changed := _changed_ns(folder / STATE)) != states and changed:
             states, text = changed, _event("state", _compact(folder / STATE))
-        if (changed := _changed_ns(folder / MAP)) != maps and changed:
+        if (changed := _changed_ns(folder / VIEW)) != maps and changed:
             maps, text = changed, text + _event("map", json.dumps(plan_of(folder / MAP)))
         if not text and time.monotonic() - spoken_s > SILENT_S:
             text = ": \n\n"
@@ -105,7 +106,7 @@ def events_of(folder: Path) -> Iterator[str]:
 
 def plan_of(path: Path) -> dict[str, object]:
     """What a map holds, for a plan of its rows' faces: each element's edges [x, y, x, y] m in its row's frame, the mean
-    standard deviation of its vertices along x and y, and the probability that it exists."""
+    standard deviation of its vertices along x and y, but of what is assumed, and the probability that it exists."""
     try:
         site_map: SiteMap = read_map(path)
     except OutputError:
@@ -113,14 +114,18 @@ def plan_of(path: Path) -> dict[str, object]:
     rows = site_map.rows.values()
     return {
         "elements": [
-            _element(part) for row in rows for group in row.structures.values() for part in group if len(part.edges)
+            _element(part, part.assumed(plugin, row.joint))
+            for row in rows
+            for plugin, group in row.structures.items()
+            for part in group
+            if len(part.edges)
         ]
     }
 
 
-def _element(part: Structure) -> dict[str, object]:
+def _element(part: Structure, assumed: Bools) -> dict[str, object]:
     ends = part.vertices[np.asarray(part.edges)][:, :, :2].reshape(len(part.edges), 4)
-    variances = np.diagonal(part.covariances, axis1=1, axis2=2)[:, :2]
+    variances = np.where(assumed, np.nan, np.diagonal(part.covariances, axis1=1, axis2=2))[:, :2]
     sigma_mm = 1000 * float(np.sqrt(np.nanmean(variances))) if np.isfinite(variances).any() else UP_TO_MM
     probability = part.attributes.get("probability", 1.0)
     return {
