@@ -11,9 +11,30 @@ CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-
 direction, and halves of surrogate pairs, which cannot be written."""
 
 
+URL = re.compile(r"\b[a-z][a-z0-9+.-]{1,30}:/[^\s\"]+", re.IGNORECASE)
+"""Of one slash too, as a `Path` writes it."""
+SECRETS = re.compile(
+    r"(?<=:/)(/?)(?:[^/?#]*|[^/?#:]*:(?!\d+[/?#]).{,300})(?=@)"  # a password may hold the signs that end a host
+    r"|((?:pass(?:wor|w)?d?|pwd|token|secret|sig(?:nature)?|credential|key)=)[^&;]+",
+    re.IGNORECASE,
+)
+"""Of a URL: whose it is, with the password, and values whose names say that they are secret."""
+NO_MEMORY = re.compile(
+    "MemoryError|bad_alloc|insufficient memory|(cannot|unable to|failed to) (re)?allocate|failed to map segment",
+    re.IGNORECASE,
+)
+"""In errors of Python, C++, OpenCV, the operating system and the loader of libraries."""
+
+
+def without_secrets(text: str) -> str:
+    """A text in whose URLs users, passwords and tokens are `***`."""
+    return URL.sub(lambda url: SECRETS.sub(r"\1\2***", url[0]), text)
+
+
 def visible(text: str) -> str:
-    """A text on one line, in which characters that would do something to a terminal, page or table stand as escapes."""
-    return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
+    """A text on one line, in which characters that would do something to a terminal, page or table stand as escapes,
+    and URLs without their secrets."""
+    return CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), without_secrets(text))
 
 
 def format_error(error: BaseException) -> str:
@@ -29,6 +50,19 @@ class SavmapError(Exception):
     """An error the user can mend. `exit_code` is what the command line returns for it."""
 
     exit_code = 1
+
+
+def out_of_memory(error: BaseException) -> SavmapError | None:
+    """The expected error where an error, or one that it came from, says that no memory is left; None elsewhere."""
+    cause: BaseException | None = error
+    while cause is not None and (isinstance(cause, SavmapError) or not NO_MEMORY.search(format_error(cause))):
+        cause = cause.__cause__
+    if cause is None:
+        return None
+    said = str(error) if isinstance(error, SavmapError) else format_error(error)
+    return SavmapError(
+        f"no memory is left ({said}): end other programs, take fewer workers, or raise the limit (ulimit -v)"
+    )
 
 
 class SiteError(SavmapError):

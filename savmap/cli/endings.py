@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from savmap.cli.speech import say
-from savmap.errors import OutputError, SavmapError, SiteError
+from savmap.errors import OutputError, SavmapError, SiteError, out_of_memory
 
 EPOCH = "SOURCE_DATE_EPOCH"
 INTERRUPTED, TERMINATED = 130, 143
@@ -33,12 +33,15 @@ def plain_endings() -> Iterator[None]:
         _settle_environment()
         with _terminated_as_interrupted():
             yield
-    except SavmapError as error:
-        say(f"savmap: {error}", err=True)
-        sys.exit(error.exit_code)
     except KeyboardInterrupt:
         _interrupted()
-    except OSError as error:
+    except Exception as error:
+        expected = out_of_memory(error) or error
+        if isinstance(expected, SavmapError):
+            say(f"savmap: {expected}", err=True)
+            sys.exit(expected.exit_code)
+        if not isinstance(error, OSError):
+            raise
         if error.errno in NO_NAMES:
             say(f"savmap: {str(error.filename)[:200]}: {(error.strerror or str(error)).lower()}", err=True)
             sys.exit(SiteError.exit_code)

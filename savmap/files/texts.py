@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import NoReturn
 
-from savmap.errors import CONTROLS
+from savmap.errors import CONTROLS, without_secrets
 from savmap.files.urls import is_url
 
 MB = 1 << 20
@@ -74,8 +74,8 @@ def json_of(text: str) -> object:
 
 def json_visible(text: str) -> str:
     """A JSON text whose characters that do something to a terminal stand as JSON's escapes, and halves of characters as
-    replacement characters; line ends between values stay."""
-    return CONTROLS.sub(_json_escape, text)
+    replacement characters, and URLs without their secrets; line ends between values stay."""
+    return CONTROLS.sub(_json_escape, without_secrets(text))
 
 
 def _json_escape(match: re.Match[str]) -> str:

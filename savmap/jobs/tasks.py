@@ -13,7 +13,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from savmap.errors import SavmapError, SiteError, format_error
+from savmap.errors import SavmapError, SiteError, format_error, out_of_memory
 from savmap.files.journal import Journal, Parts
 from savmap.jobs.cache import Record, StoredRecord
 from savmap.jobs.executors import ForwardedMonitor
@@ -100,13 +100,15 @@ def map_task(
             group.solve()
             if with_pictures:
                 group.picture()
-    except SavmapError as error:
-        group.fail(Failure(error))
     except Exception as error:
-        if not remote:
+        expected = out_of_memory(error) or error
+        if isinstance(expected, SavmapError):
+            group.fail(Failure(expected))
+        elif not remote:
             raise
-        text = f"unexpected {format_error(error)}; please report it with savmap.log"
-        group.fail(Failure(SavmapError(text), traceback.format_exc()))
+        else:
+            text = f"unexpected {format_error(error)}; please report it with savmap.log"
+            group.fail(Failure(SavmapError(text), traceback.format_exc()))
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB
     return TaskResult(group.rows, tuple(notes.lines), group.seconds, peak_mb, tuple(logged))
 

@@ -19,6 +19,8 @@ Source = Iterator[tuple[float, Callable[[], Picture | None]]]
 USUAL_FPS, IMAGES_FPS = 15.0, 30.0
 """The rate at which frames are sampled, and that at which a folder's pictures count as filmed."""
 END_TOLERANCE_S = 0.5
+SPARE = 4
+"""Pictures for which there is memory still where one is damaged."""
 MOST_WIDTH = 16384
 MOST_PIXELS = MOST_WIDTH * (MOST_WIDTH // 2 + 64)
 
@@ -94,7 +96,12 @@ class DecodeReport:
         return line + gap + (f"; the file ends {self.short_s:.1f} s early" if self.short_s > 0 else "")
 
 
-def check_shape(path: Path, width: int, height: int) -> None:
+def require_memory(width: int, height: int) -> None:
+    """Raise MemoryError where there is too little for a few pictures: FFmpeg and OpenCV call that damage, too."""
+    np.empty((SPARE, height, width, 3), np.uint8)
+
+
+def check_shape(path: Path | str, width: int, height: int) -> None:
     """Raise VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
     if not width or not height:
         raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")

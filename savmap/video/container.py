@@ -72,6 +72,8 @@ def _opened(path: Path, hardware: HWAccel | None = None) -> InputContainer:
     try:
         source = path.open("rb") if is_url(path) else local_name(path)
         return av.open(source, "r", options=OPENING, timeout=(OPENING_S, READING_S), hwaccel=hardware)
+    except MemoryError:
+        raise
     except (av.error.FFmpegError, OSError) as error:
         raise VideoError(f"{path}: {_why_unreadable(path, error)}") from error
 
@@ -265,7 +267,7 @@ def accelerator(kind: Hashable, decodes: Callable[[HWAccel], bool]) -> HWAccel |
 def _works(name: str, decodes: Callable[[HWAccel], bool]) -> bool:
     try:
         return decodes(HWAccel(name, allow_software_fallback=False))
-    except (VideoError, av.error.FFmpegError, OSError, RuntimeError, ValueError):
+    except (VideoError, av.error.FFmpegError, OSError, RuntimeError, ValueError, MemoryError):
         return False
 
 

@@ -22,7 +22,7 @@ from av.video.stream import VideoStream
 
 from savmap.errors import VideoError
 from savmap.types import Floats, Planes
-from savmap.video.clip import DecodeReport, Picture, Source, VideoInfo
+from savmap.video.clip import DecodeReport, Picture, Source, VideoInfo, require_memory
 from savmap.video.container import accelerator, configure, in_order, is_large, key_times, open_video, seconds, seek
 
 TimedFrames = Iterator[tuple[float, VideoFrame]]
@@ -167,13 +167,19 @@ def _frames(container: InputContainer, stream: VideoStream, expected: set[float]
     while True:
         try:
             packet = next(packets)
-        except (StopIteration, av.error.FFmpegError):
+        except StopIteration:
+            return
+        except av.error.FFmpegError:
+            require_memory(stream.codec_context.width, stream.codec_context.height)
             return
         if packet.pts is not None and packet.size and not packet.is_discard:
             expected.add(seconds(packet.pts, stream))
         try:
             frames = packet.decode()
+        except av.error.BlockingIOError as error:  # of a decoder that cannot begin: its threads take memory
+            raise MemoryError("FFmpeg can start no thread") from error
         except av.error.FFmpegError:
+            require_memory(stream.codec_context.width, stream.codec_context.height)
             sound = False
             continue
         for frame in (frame for frame in frames if isinstance(frame, VideoFrame)):

@@ -12,7 +12,7 @@ from PIL import Image as Pillow
 
 from savmap.errors import VideoError
 from savmap.files.atomic import write_bytes
-from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape
+from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape, require_memory
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
 JPEG_START, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
@@ -118,4 +118,6 @@ def _read(path: Path, info: VideoInfo, report: DecodeReport) -> Image | None:
     is_good = image is not None and image.shape == (info.height, info.width, 3)
     report.decoded += is_good
     report.skipped += not is_good
+    if not is_good:
+        require_memory(info.width, info.height)
     return image if is_good else None

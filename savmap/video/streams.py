@@ -101,13 +101,13 @@ def _camera_pictures(address: str, recording: Path) -> Source:
         )
     except (av.error.FFmpegError, OSError, ValueError) as error:
         raise VideoError(
-            f"{address}: cannot be opened ({_why(error)}); is the camera on, and its address right?"
+            f"{address}: cannot be opened ({_why(error, OPENING_S)}); is the camera on, and its address right?"
         ) from error
     with source:
         if not source.streams.video:
             raise VideoError(f"{address}: sends no video")
         stream = source.streams.video[0]
-        check_shape(Path(address), stream.codec_context.width, stream.codec_context.height)
+        check_shape(address, stream.codec_context.width, stream.codec_context.height)
         with StreamCopy(recording, stream) as copy:
             yield from _copied(address, source, stream, copy)
 
@@ -122,7 +122,7 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
         try:
             packet = next(packets, None)
         except av.error.FFmpegError as error:
-            raise VideoError(f"{address}: the source is lost ({_why(error)})") from error
+            raise VideoError(f"{address}: the source is lost ({_why(error, READING_S)})") from error
         if packet is None:
             return
         frames: list[VideoFrame] = []
@@ -138,7 +138,9 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
                 yield frame.time - first_s, partial(picture_of, frame, reformatter)
 
 
-def _why(error: Exception) -> str:
+def _why(error: Exception, waited_s: float = 0.0) -> str:
+    if isinstance(error, av.error.ExitError):  # of the timeout
+        return f"nothing came for {waited_s:g} s"
     return getattr(error, "strerror", None) or str(error)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from savmap.cli import endings
-from savmap.errors import SiteError
+from savmap.errors import ModelError, SiteError
 from savmap.files.urls import where
 from savmap.maps.map_file import write_map
 from savmap.types import FrameTable, RowMap, SiteMap, Structure, Trajectory
@@ -88,6 +88,17 @@ def test_an_epoch_that_is_no_number_is_one_line(
         pass
     assert caught.value.code == 3
     assert capsys.readouterr().err.startswith("savmap: SOURCE_DATE_EPOCH=today: a whole number of seconds since 1970")
+
+
+@pytest.mark.parametrize("why", [MemoryError(), RuntimeError("std::bad_alloc"), OSError(12, "Cannot allocate memory")])
+def test_no_memory_is_one_line_that_says_so(capsys: pytest.CaptureFixture[str], why: Exception) -> None:
+    with pytest.raises(SystemExit) as caught, endings.plain_endings():
+        raise ModelError("a.onnx: cannot be run") from why
+    assert caught.value.code == 1
+    assert capsys.readouterr().err.startswith("savmap: no memory is left (a.onnx: cannot be run): end other programs")
+    with pytest.raises(SystemExit), endings.plain_endings():
+        raise why
+    assert capsys.readouterr().err.startswith("savmap: no memory is left (")
 
 
 @pytest.mark.slow

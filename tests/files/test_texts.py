@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from savmap.errors import OutputError
+from savmap.errors import OutputError, visible
 from savmap.files.atomic import file_name, read_json, read_text
+from savmap.files.texts import json_visible
 
 
 @pytest.mark.parametrize(
@@ -54,3 +55,22 @@ def test_pipes_and_devices_are_not_waited_for(tmp_path: Path, name: str) -> None
 def test_a_name_is_one_file_in_its_folder(name: str) -> None:
     assert file_name(name) not in ("", ".", "..")
     assert "/" not in file_name(name)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("rtsp://user:pass@10.0.0.2:554/live: lost", "rtsp://***@10.0.0.2:554/live: lost"),
+        ("rtsp:/user:pass@10.0.0.2/live", "rtsp:/***@10.0.0.2/live"),
+        ("rtsp://u:p@s:s@host/a", "rtsp://***@host/a"),
+        ("rtsp://u:p/s#s?s@host/a", "rtsp://***@host/a"),
+        ("(https://t0ken@host/a.mp4) and s3://k:s@b/c", "(https://***@host/a.mp4) and s3://***@b/c"),
+        ("rtsp://host:554/user=a&password=b&channel=1", "rtsp://host:554/user=a&password=***&channel=1"),
+        ("https://h/a.mp4?X-Amz-Signature=0f&b=1", "https://h/a.mp4?X-Amz-Signature=***&b=1"),
+        ("rtsp://host:554/a@b and c@d: e/f@g", "rtsp://host:554/a@b and c@d: e/f@g"),
+        ("s3://bucket/a@b.mp4 /home/a:b@c", "s3://bucket/a@b.mp4 /home/a:b@c"),
+    ],
+)
+def test_secrets_of_urls_are_shown_nowhere(text: str, shown: str) -> None:
+    assert visible(text) == shown
+    assert json_visible(f'["{text}", 1]') == f'["{shown}", 1]'

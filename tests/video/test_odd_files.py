@@ -1,6 +1,8 @@
 """Sound videos that are easily misread: odd names, two recordings in one file; and what is said of files that are no videos."""
 
 import io
+import subprocess
+import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import av
 import pytest
 from PIL import Image
 
+import savmap
 from savmap.errors import VideoError
 from savmap.split.frame_pairs import coarse_stamps, pictures_at
 from savmap.video.clip import Clip, DecodeReport
@@ -15,6 +18,19 @@ from savmap.video.reader import check_camera, panoramas, preview_frames, probe
 
 from .made_up_video import evenly, picture, write_recording, write_video
 
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from savmap.video.reader import Clip, panoramas, probe
+clip, kept = Clip(Path(sys.argv[1]), end_s=3), []
+probe(clip.path)
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + (int(sys.argv[2]) << 20),) * 2)
+try:
+    kept.extend(panoramas(clip))
+except MemoryError:
+    print("MemoryError")
+"""
 NAMES = [
     "2024-05-01T10:00:00.mp4",
     "a%03d?#1.mp4",
@@ -139,3 +155,29 @@ def test_a_recording_that_counts_on_is_one(tmp_path: Path) -> None:
         report = DecodeReport()
         assert len(list(panoramas(Clip(path, fps=30), report=report))) == 60
         assert report.skipped == 0
+
+
+def test_damage_is_no_damage_where_memory_is_short(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, video: Path
+) -> None:
+    whole = bytearray(video.read_bytes())
+    middle = (whole.index(b"mdat") + whole.index(b"moov")) // 2
+    whole[middle : middle + 200] = bytes(200)
+    (tmp_path / "a.mp4").write_bytes(whole)
+    assert 0 < len(list(panoramas(Clip(tmp_path / "a.mp4")))) < 12
+
+    def none(width: int, height: int) -> None:
+        raise MemoryError((width, height))
+
+    monkeypatch.setattr("savmap.video.decode.require_memory", none)
+    with pytest.raises(MemoryError, match=r"128, 64"):
+        list(panoramas(Clip(tmp_path / "a.mp4")))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="macOS has no limit of a process's addresses")
+@pytest.mark.parametrize("left_mb", [4, 32])
+def test_a_limit_of_memory_is_no_damage(left_mb: int) -> None:
+    video = Path(savmap.__file__).with_name("demo") / "aisle-dev.mp4"
+    done = subprocess.run([sys.executable, "-c", LIMITED, str(video), str(left_mb)], capture_output=True, check=True)
+    assert done.stdout == b"MemoryError\n"

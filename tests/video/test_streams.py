@@ -74,6 +74,12 @@ def test_camera_that_cannot_be_opened(tmp_path: Path) -> None:
     assert not (tmp_path / "recording.mkv").exists()
 
 
+def test_camera_that_sends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("savmap.video.streams.OPENING_S", 0.2)
+    with pytest.raises(VideoError, match=r"cannot be opened \(nothing came for 0\.2 s\); is the camera on"):
+        next(camera_frames("udp://127.0.0.1:0", tmp_path / "recording.mkv", 15.0))
+
+
 def test_recording_that_cannot_be_written(tmp_path: Path) -> None:
     video = write_video(tmp_path / "a.mp4", evenly(3, 25))
     with pytest.raises(OutputError, match="the recording cannot be written"):
