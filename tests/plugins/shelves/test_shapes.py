@@ -203,6 +203,56 @@ def test_what_leans_is_straightened_for_the_solve_and_all_else_is_left_bit_for_b
     assert all(new is old for new, old in zip(others, tracks, strict=True))
 
 
+def glimpses(seed: int) -> tuple[list[Track], Trajectory]:
+    """Tracks of parts of a few edges, of which each frame shows one place alone, centimetres beside the edge; and the
+    solved path."""
+    rng = np.random.default_rng(seed)
+    tracks, path = parts(Bent())
+    true, seldom = poses(np.zeros(FRAMES)), []
+    for k in np.flatnonzero(rng.random(len(tracks)) < 0.3):
+        track, ends, edges = tracks[k], *members_ends(tracks[k])
+        frames = np.unique(track.frames)[: rng.integers(8, 14)]
+        along = ends[0] + (ends[1] - ends[0]) * rng.random() + 0.01 * rng.normal(size=len(frames))
+        across = edges[SIDES[track.label].index(str(track.place.get("side", track.place.get("edge"))))]
+        places = in_face(track.label, along, across + 0.02 * rng.normal(size=len(frames)))
+        pixels = np.concatenate([seen(place[None], true[frame]) for place, frame in zip(places, frames, strict=True)])
+        views, covariances = ("face",) * len(frames), np.tile(SIGMA_PX**2 * np.eye(2), (len(frames), 1, 1))
+        seldom.append(replace(track, frames=frames, views=views, pixels=pixels, covariances=covariances))
+    return seldom, path
+
+
+def members_ends(track: Track) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The ends along and the edges across the member that a track is of, m."""
+    (found,) = [(ends, edges) for name, _, ends, edges in members() if track.name.startswith(f"parts of {name} / ")]
+    return found
+
+
+@pytest.mark.parametrize("seed", [2, 3, 11, 20, 150])
+def test_glimpses_of_members_cost_no_track_and_lean_as_racks_do(seed: int) -> None:
+    """Poses take up what one place a frame is off by: weights must not grow until nothing can be solved."""
+    tracks, path = glimpses(seed)
+    tops = [ends_of(k, 0.0, path) for k in (1, 2, 3, 4)]
+    after = straightened([*tops, *tracks], FACTS, path)
+    assert all(np.isfinite(track.pixels).all() for track in after)
+    assert max(float(np.abs(new.pixels - old.pixels).max()) for new, old in zip(after, tops, strict=False)) < 200
+    for shape in shapes_of(structures(), tracks, FACTS, path, {}).values():
+        assert all(np.isfinite([float(value), value.sigma]).all() for value in shape.values())  # type: ignore[union-attr]
+        assert all(abs(float(shape[name])) < 150 for name in (LEAN, TILT) if name in shape)
+
+
+def test_equations_without_a_solution_cost_the_shapes_alone(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def singular(*_: object) -> None:
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("savmap_shelves.inspection.shapes._solved", singular)
+    tracks, path = parts(Bent({"upright 2": 8.0}))
+    assert straightened(tracks, FACTS, path) == tracks
+    assert with_shapes(structures(), tracks, FACTS, path, {})[0].attributes == structures()[0].attributes
+    assert "row A: shapes of uprights and beams are not measured: Singular matrix" in caplog.messages
+
+
 def test_frames_whose_pose_is_wrong_lean_nothing() -> None:
     tracks, path = parts(Bent())
     wrong = path.world_from_rig.copy()

@@ -9,6 +9,7 @@ least-squares problem in the plane of the face, from which poses are eliminated 
 Huber's weights.
 """
 
+import logging
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +32,7 @@ from savmap.types import (
 from savmap_shelves.constraints.track_grid import column_of, is_part
 from savmap_shelves.mapping import mean_of
 
+_log = logging.getLogger(__name__)
 LEAN, BOW = "lean_permille", "bow_permille"
 """Attributes of an upright: how far it leans towards +x, and its middle lies towards +x of the line between its ends,
 mm in 1 m of its height."""
@@ -66,6 +68,8 @@ OUTER = 0.02
 """Of what is seen of a member beyond its ends, where only the pictures tell these."""
 PLACES = 8
 """On each edge of a member: errors at one persist from frame to frame."""
+LEAST_SCALE = 0.25
+"""Of residuals in their standard deviations: rows have 0.5 to 3, and where less is left, poses took up the rest."""
 LEAST_FREEDOM, USUAL = 1.0, 4.0
 """How many degrees of freedom a member must have to tell what is usual of these errors, and how many that counts for
 beside what a member's residuals show (an inverse gamma prior, whose mean is taken)."""
@@ -145,11 +149,10 @@ def shapes_of(
     path: Trajectory,
     landmarks: Mapping[str, Landmark],
 ) -> dict[str, dict[str, Attribute]]:
-    """By structure, what is measured of its shape, each a `Measured`; none of what too few frames show."""
+    """By structure, what is measured of its shape, each a `Measured`; none of what too little is seen of."""
     parts = [track for track in tracks if is_part(track)]
     layout = _mapped_layout(structures, parts, path, landmarks)
-    values, sigmas = _solved(parts, facts, path, layout)
-    return {name: _shape(member, values, sigmas) for name, member in layout.members.items()}
+    return {member.id: _shape(member, *unknowns) for member, *unknowns in _measured(parts, facts, path, layout)}
 
 
 def straightened(tracks: Sequence[Track], facts: RowFacts, path: Trajectory) -> list[Track]:
@@ -157,11 +160,10 @@ def straightened(tracks: Sequence[Track], facts: RowFacts, path: Trajectory) -> 
     grid of upright and level members does not fit what a row shows whose uprights all lean. Parts are as they were."""
     parts = [track for track in tracks if is_part(track)]
     layout = _seen_layout(parts, facts, path)
-    values, sigmas = _solved(parts, facts, path, layout)
     slopes = {
-        name: (float(values[at]), float(member.ends.mean()))
-        for name, member in layout.members.items()
-        if abs(values[at := member.column + SLOPE]) > CLEARLY * np.hypot(sigmas[at], _common(member)[0])
+        member.id: (float(values[SLOPE]), float(member.ends.mean()))
+        for member, values, sigmas in _measured(parts, facts, path, layout)
+        if abs(values[SLOPE]) > CLEARLY * np.hypot(sigmas[SLOPE], _common(member)[0])
     }
     return [track if is_part(track) else _straight(track, slopes, facts, path) for track in tracks]
 
@@ -179,7 +181,8 @@ def _straight(track: Track, slopes: Mapping[str, tuple[float, float]], facts: Ro
             continue
         place = pose[:3, 3] - pose[2, 3] / ray[2] * ray
         place[:2] -= lean * (place[1] - height), tilt * (place[0] - middle)
-        pixels[k] = project((place - pose[:3, 3])[None] @ pose[:3, :3] @ spec.rig_from_view, spec.camera)[0]
+        moved = project((place - pose[:3, 3])[None] @ pose[:3, :3] @ spec.rig_from_view, spec.camera)[0]
+        pixels[k] = moved if np.isfinite(moved).all() else pixels[k]
     return replace(track, pixels=pixels)
 
 
@@ -299,7 +302,8 @@ class FacePlaces:
 
 
 def _places_of(track: Track, facts: RowFacts, poses: Mapping[int, Floats], z: float) -> FacePlaces:
-    """Where the frames with a pose see a track in the plane of a z, m; without rays that hardly meet it."""
+    """Where the frames with a pose see a track in the plane of a z, m; without rays that hardly meet it, or behind
+    them."""
     posed = np.isin(track.frames, [*poses])
     frames, pixels, covariances = track.frames[posed], track.pixels[posed], track.covariances[posed]
     views, names = np.array(track.views)[posed], sorted(set(track.views))
@@ -309,7 +313,7 @@ def _places_of(track: Track, facts: RowFacts, poses: Mapping[int, Floats], z: fl
     for name in names:
         rays[views == name] = facts.views[name].rig_rays(near[views == name])
     rays = rays @ np.swapaxes(world[:, :3, :3], 1, 2)
-    steep = rays[:, :, 2].max(axis=1, initial=-1.0) <= -LEAST_COSINE
+    steep = (rays[:, :, 2].max(axis=1, initial=-1.0) <= -LEAST_COSINE) & (world[:, 2, 3] > z)
     frames, rays, world, covariances = frames[steep], rays[steep], world[steep], covariances[steep]
     lengths = (z - world[:, 2, 3])[:, None] / rays[:, :, 2]
     places = world[:, None, :3, 3] + lengths[:, :, None] * rays
@@ -321,6 +325,23 @@ def _places_of(track: Track, facts: RowFacts, poses: Mapping[int, Floats], z: fl
     by_turn = lengths[:, :1, None] * (np.swapaxes(turned[:, :, :2], 1, 2) - tangents * turned[:, None, :, 2])
     weights = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
     return FacePlaces(frames, places[:, 0, :2], np.concatenate([by_place, by_turn], axis=2), weights)
+
+
+def _measured(
+    parts: Sequence[Track], facts: RowFacts, path: Trajectory, layout: Layout
+) -> Iterator[tuple[Member, Floats, Floats]]:
+    """Members with their unknowns (4,) and the standard deviations (4,) of these. Left out are those that lean as none
+    does, of which something else was seen, and all where the equations have no solution: no map is lost for shapes."""
+    try:
+        values, sigmas = _solved(parts, facts, path, layout)
+    except np.linalg.LinAlgError as error:
+        _log.warning("row %s: shapes of uprights and beams are not measured: %s", facts.name, error)
+        return
+    for member in layout.members.values():
+        of_member = slice(member.column, member.column + OF_MEMBER)
+        is_sound = np.isfinite([values[of_member], sigmas[of_member]]).all()
+        if is_sound and abs(values[of_member][SLOPE]) < CLEARLY * MOST_LEAN:
+            yield member, values[of_member], sigmas[of_member]
 
 
 def _solved(parts: Sequence[Track], facts: RowFacts, path: Trajectory, layout: Layout) -> tuple[Floats, Floats]:
@@ -359,11 +380,12 @@ def _roots(part: Equations, residual: Floats, scales: Floats) -> Floats:
 
 
 def _scales(frames: Sequence[Equations], residuals: Sequence[Floats], members: Sequence[Member]) -> Floats:
-    """By how much (k,) each member's parts are off, in their standard deviations; at least half of what is usual."""
+    """By how much (k,) each member's parts are off, in their standard deviations; at least half of what is usual, or
+    `LEAST_SCALE`: else weights, and with them what poses take up, would grow from round to round."""
     which = np.concatenate([part.member for part in frames])
     off = np.concatenate([np.abs(rest) * part.weights for part, rest in zip(frames, residuals, strict=True)])
     scales = np.array([np.median(off[which == k]) / NORMAL if (which == k).any() else 1.0 for k in range(len(members))])
-    return np.asarray(np.maximum(np.maximum(scales, np.median(scales) / 2), np.finfo(float).tiny))
+    return np.asarray(np.maximum(np.maximum(scales, np.median(scales) / 2), LEAST_SCALE))
 
 
 def _persistent(
@@ -447,7 +469,7 @@ def _shape(member: Member, values: Floats, sigmas: Floats) -> dict[str, Attribut
     in_slope, in_bow = _common(member)
     slope, bow = (
         Measured(float(values[at]), float(np.hypot(sigmas[at], common)))
-        for at, common in ((member.column + SLOPE, np.hypot(in_slope, WAVE)), (member.column + PARABOLA, in_bow))
+        for at, common in ((SLOPE, np.hypot(in_slope, WAVE)), (PARABOLA, in_bow))
     )
     if member.label == "upright":
         return {LEAN: _times(slope, PERMILLE), BOW: _times(bow, PERMILLE / member.length)}
