@@ -30,8 +30,9 @@ class MapVertex:
         return self.row, self.plugin, self.structure.id, self.number
 
     @property
-    def label(self) -> str:
-        return self.structure.vertex_labels[self.number]
+    def name(self) -> str:
+        """As in the viewer: "upright 1 / left / bottom", "light 1 / end 0"."""
+        return self.structure.vertex_names[self.number]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +71,9 @@ class VertexDistance:
 
 
 def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
-    """From a vertex to another, each by its label ("upright 1 / right / bottom"), after its row and a colon where rows
-    have the same ("A: upright 1 / right / bottom"), or by its edge as site files call it ("upright 1 / right"). Raises
-    SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
+    """From a vertex to another, each by its name ("upright 1 / right / bottom"), after its row or plugin and a colon
+    where several have the same ("A: upright 1 / right / bottom"), or by its edge as site files call it ("upright 1 /
+    right"). Raises SiteError for a name that no vertex has, or several have, and for rows without a common frame."""
     a, b = _vertex(site, first), _vertex(site, second)
     if a.row != b.row:
         return _between_rows(site, a, b)
@@ -106,30 +107,33 @@ def _assumptions(site: SiteMap, *ends: MapVertex) -> str:
         sigmas = np.sqrt(np.diag(end.structure.covariances[end.number]))
         for axis in np.flatnonzero(assumed):
             sigma_mm = f"{1000 * sigmas[axis]:.0f}"
-            said.append(f"{'xyz'[axis]} of `{end.label}` was not measured, it is assumed to +- {sigma_mm} mm")
+            said.append(f"{'xyz'[axis]} of `{end.name}` was not measured, it is assumed to +- {sigma_mm} mm")
     return "; ".join(said)
 
 
 def _vertex(site: SiteMap, name: str) -> MapVertex:
-    row, _, label = name.rpartition(":")
+    owner, _, wanted = (part.strip() for part in name.rpartition(":"))
     vertices = [
         MapVertex(mapped.name, plugin, structure, number)
         for mapped in site.rows.values()
-        if not row or mapped.name == row.strip()
         for plugin, structures in mapped.structures.items()
+        if owner in ("", mapped.name, plugin, f"{mapped.name}: {plugin}")
         for structure in structures
         for number in range(len(structure.vertices))
     ]
-    wanted = label.strip().lower()
-    hits = [vertex for vertex in vertices if vertex.label.lower() == wanted] or _first_of_edge(vertices, wanted)
+    folded = wanted.lower()
+    hits = [vertex for vertex in vertices if vertex.name.lower() == folded] or _first_of_edge(vertices, folded)
     if not hits:
-        labels = sorted({vertex.label for vertex in vertices})
-        near = [name for name in labels if name.lower().startswith(f"{wanted} /")][:8]
-        near = near or difflib.get_close_matches(label.strip(), labels, 3)
+        names = sorted({vertex.name for vertex in vertices})
+        near = [name for name in names if f" / {folded} / " in f" / {name.lower()} / "][:8]
+        near = near or difflib.get_close_matches(wanted, names, 3)
         raise SiteError(f"`{name}` is no vertex of the map" + (f"; nearest: {'; '.join(near)}" if near else ""))
     if len(hits) > 1:
-        rows = ", ".join(sorted({vertex.row for vertex in hits}))
-        raise SiteError(f"`{name}` is in rows {rows}: put the row before it, such as `{hits[0].row}: {label.strip()}`")
+        owners = {vertex.row: "row" for vertex in hits}
+        owners = owners if len(owners) > 1 else {f"{vertex.row}: {vertex.plugin}": "plugin" for vertex in hits}
+        first, kind = next(iter(owners.items()))
+        what = f"is in {kind}s {', '.join(sorted(owners))}: put the {kind} before it, such as `{first}: {wanted}`"
+        raise SiteError(f"`{name}` {what}")
     return hits[0]
 
 
@@ -140,7 +144,7 @@ def _first_of_edge(vertices: Iterable[MapVertex], name: str) -> list[MapVertex]:
         vertex
         for vertex in vertices
         if vertex.structure.id.lower() != name
-        and vertex.label.lower().startswith((f"{name} ", f"{name} /"))
+        and vertex.name.lower().startswith((f"{name} ", f"{name} /"))
         and name.startswith(vertex.structure.id.lower())
     ]
     return [*{vertex.row: vertex for vertex in reversed(parts)}.values()]

@@ -137,8 +137,7 @@ def _without_texts(site: SiteMap) -> str:
 
 def _vertices(structure: Structure) -> Iterator[Structure]:
     """Its vertices, as structures that are called by both: "post 1 / top"."""
-    for number, label in enumerate(structure.vertex_labels):
-        name = label if label.startswith(structure.id) else f"{structure.id}{PART}{label}"
+    for number, (name, label) in enumerate(zip(structure.vertex_names, structure.vertex_labels, strict=True)):
         chosen = slice(number, number + 1)
         yield Structure(name, label, structure.vertices[chosen], structure.covariances[chosen], (label,), NO_EDGES)
 

@@ -71,6 +71,11 @@ class Structure:
         )
         require(len(self.vertex_labels) == count, self, "vertices and vertex_labels differ in number")
 
+    @property
+    def vertex_names(self) -> tuple[str, ...]:
+        """What each vertex is called in its row: its label, after the structure's id where that is not in it."""
+        return tuple(label if label.startswith(self.id) else f"{self.id} / {label}" for label in self.vertex_labels)
+
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Lengths among its attributes that have a standard deviation: name in words, such as "clear width", m, m. One
         is `Measured`, or "width_m" goes with "width_sigma_m"."""

@@ -100,3 +100,20 @@ def test_an_edge_as_site_files_call_it_is_measured_from() -> None:
     )
     with pytest.raises(SiteError, match="`post 1` is no vertex"):
         vertex_distance(site, "post 1", "post 2 / right")
+
+
+def test_a_vertex_is_called_by_its_structure_too() -> None:
+    """Lamps and the scaffold's structures label their vertices alike: the answer sent the user in a circle."""
+    own = row("A")
+    lamps = tuple(
+        replace(lamp, id=f"light {number}", vertex_labels=("end 0",))
+        for number, lamp in enumerate(own.structures["posts"], 1)
+    )
+    site = SiteMap({"A": replace(own, structures={"lights": lamps}, joint=None)}, {})
+    assert vertex_distance(site, "light 1 / end 0", "A: Light 2 / end 0").length_m == 3.0
+    with pytest.raises(SiteError, match="`end 0` is no vertex of the map; nearest: light 1 / end 0; light 2 / end 0"):
+        vertex_distance(site, "end 0", "light 2 / end 0")
+    both = SiteMap({"A": replace(own, structures={"lights": lamps, "lamps": lamps}, joint=None)}, {})
+    with pytest.raises(SiteError, match=r"in plugins A: lamps, A: lights: put .* such as `A: lights: light 1 / end 0`"):
+        vertex_distance(both, "light 1 / end 0", "light 2 / end 0")
+    assert vertex_distance(both, "lamps: light 1 / end 0", "A: lights: light 2 / end 0").length_m == 3.0
