@@ -2,14 +2,15 @@
 options give one.
 
 Each block that is inserted, closed line, mesh and point is an element; lines that touch one another on a layer are one.
-A drawing that savmap wrote says in its extended data what each line is of. Of curves only the corners count.
+A drawing that savmap wrote says in its extended data what each line is of. What is hidden, or is of another kind, is
+named.
 """
 
 import io
 import logging
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -22,13 +23,20 @@ from scipy.sparse.csgraph import connected_components
 from savmap.errors import OutputError, format_error
 from savmap.files.texts import MOST_MB
 from savmap.maps.exports import require_library
-from savmap.maps.imports.records import MOST_POINTS, UNITS, ImportOptions, SurveyElement, bytes_of, element, listed
+from savmap.maps.imports.records import (
+    MOST_POINTS,
+    UNITS,
+    FileElements,
+    ImportOptions,
+    SurveyElement,
+    bytes_of,
+    element,
+    listed,
+)
 from savmap.types import Floats, array_record
 
 MOST_ENTITIES, DEEPEST_BLOCK = 200_000, 12
 """Of a drawing whose blocks are inserted, each as often as it is; and of blocks within blocks."""
-INSERTED = 10
-"""Entities that a block being inserted counts as: it takes so much longer."""
 FARTHEST = 1e10
 """Of a corner, in any unit."""
 SAVMAP = "SAVMAP"
@@ -40,8 +48,15 @@ BINARY, DWG = b"AutoCAD Binary DXF", (b"AC10", b"AC1.", b"AC2.1")
 SECTION = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*SECTION[ \t]*\r?$", re.MULTILINE)
 TOUCH_M, NEARLY_M = 1e-3, 1e-5
 SAME_DIGITS = 6
-TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "HATCH"})
+TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "TOLERANCE"})
 """What is no element, and is not missed."""
+CURVES = frozenset({"CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX"})
+FACES_AND_LINES = frozenset({"LINE", "3DFACE"})
+READ = CURVES | FACES_AND_LINES | {"POINT", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "MESH", "MLINE"}
+CONTROL_POINT = 16
+"""Flag of a vertex of a fitted polyline that is not on it."""
+CHORDS, FLAT = 32, 1e-6
+"""Of a quarter of a circle; and how flat a curve is that has no width along an axis, for its size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +73,9 @@ class Piece:
     tags: tuple[str, ...] = ()
 
 
-def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
-    """The elements of a drawing. `labels`: those of the plugins, by themselves in lower case. Raises OutputError."""
+def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> FileElements:
+    """The elements of a drawing, and a note on what is not read of its layers. `labels`: those of the plugins, by
+    themselves in lower case. Raises OutputError."""
     content = bytes_of(path, MOST_MB)
     if content.startswith(DWG):
         raise OutputError(f"{path}: is a DWG drawing, which is not read: save it as DXF")
@@ -70,47 +86,149 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
     require_library("ezdxf", "cad")
     logger = logging.getLogger("ezdxf")  # what cannot be read is said once
     before, logger.disabled = logger.disabled, True
+    given = {theirs.casefold(): ours for theirs, ours in options.labels.items()} or labels
     try:
-        pieces, number = _pieces(content)
+        from ezdxf import recover
+
+        document, _ = recover.read(io.BytesIO(content))
+        number = int(document.header.get("$INSUNITS", 0))
+        if options.unit is None and number not in DXF_UNITS:
+            raise OutputError(f"says no unit of length that is read ($INSUNITS is {number}): say it, such as --unit mm")
+        metres = UNITS[options.unit or DXF_UNITS[number]]
+        drawing = _ModelSpace(document, given.keys())
     except OutputError as error:
         raise OutputError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
         raise OutputError(f"{path}: is not a DXF that can be read ({listed([format_error(error)])})") from error
     finally:
         logger.disabled = before
-    if options.unit is None and number not in DXF_UNITS:
-        raise OutputError(
-            f"{path}: says no unit of length that is read ($INSUNITS is {number}): say it, such as --unit mm"
-        )
-    metres = UNITS[options.unit or DXF_UNITS[number]]
-    tagged = [piece for piece in pieces if piece.tags]
+    unread = listed(f"{count} {what}" for what, count in (+drawing.unread).items())
+    notes = (f"not read: {unread}",) if +drawing.unread else ()
+    tagged = [piece for piece in drawing.pieces if piece.tags]
     if tagged and not options.labels:
-        elements = _written_by_savmap(tagged, metres, options)
-    else:
-        elements = _drawn(path, pieces, metres, options, labels)
-    if not elements:
-        raise OutputError(f"{path}: nothing is drawn on its layers")
-    return elements
+        return FileElements(tuple(_written_by_savmap(tagged, metres, options)), notes)
+    chosen = [piece for piece in drawing.pieces if piece.layer.casefold() in given]
+    if not chosen:
+        layers = [layer for layer, _ in drawing.layers.most_common()]
+        why = f"no layer is called like a label ({listed(labels.values())}); there are {listed(layers)}"
+        if given.keys() & map(str.casefold, layers):
+            why = "nothing is drawn on its layers that is read"
+        raise OutputError("; ".join((f"{path}: {why}: say --layer NAME=LABEL", *notes)))
+    return FileElements(tuple(_drawn(chosen, metres, options, given)), notes)
 
 
-def _pieces(content: bytes) -> tuple[list[Piece], int]:
-    """The pieces of the model space, and $INSUNITS. Raises OutputError, and whatever the library does."""
-    from ezdxf import recover
+class _ModelSpace:
+    """What the model space of a drawing holds, blocks inserted. labelled: layers in lower case that have a label.
+    `layers`: how many entities each layer has. `unread`: how often what was left out."""
 
-    document, _ = recover.read(io.BytesIO(content))
-    pieces = [piece for piece in _inserted(document.modelspace(), _Budget()) if len(piece.corners)]
-    if any(not (np.abs(piece.corners) < FARTHEST).all() for piece in pieces):
-        raise OutputError("a corner in it is not finite, or too far away")
-    return pieces, int(document.header.get("$INSUNITS", 0))
+    def __init__(self, document: Any, labelled: Collection[str]) -> None:
+        from ezdxf.math import Matrix44
 
-
-class _Budget:
-    """How many entities, those of blocks as often as they are inserted, and corners may still be read."""
-
-    def __init__(self) -> None:
+        self.document, self.labelled = document, labelled
         self.entities, self.corners = MOST_ENTITIES, MOST_POINTS
+        self.layers, self.unread = Counter[str](), Counter[str]()
+        self.pieces = list(self._read(document.modelspace(), Matrix44(), "", 0, False))
+        for layout in document.layouts:
+            for entity in layout if layout.is_any_paperspace else ():
+                if entity.dxf.layer.casefold() in labelled and entity.dxftype() not in TEXTS:
+                    self.unread[f"{entity.dxftype()} in paper space"] += 1
+        if any(not (np.abs(piece.corners) < FARTHEST).all() for piece in self.pieces):
+            raise OutputError("a corner in it is not finite, or too far away")
 
-    def spend(self, entities: int, corners: int = 0) -> None:
+    def _read(self, entities: Any, matrix: Any, above: str, depth: int, whole: bool) -> Iterator[Piece]:
+        """The entities of a layout or block as pieces, those of layers with a label, or `whole`, all. matrix: to the
+        world's coordinates. above: the layer on which the block is inserted; what is on layer 0 in it is on that. What is
+        in a block is shown where the block's layer is off, but not where it is frozen."""
+        for entity in entities:
+            kind, layer = entity.dxftype(), str(entity.dxf.layer)
+            layer = above if above and layer == "0" else layer
+            tags: tuple[str, ...] = ()
+            if entity.has_xdata(SAVMAP):
+                texts = [str(value) for code, value in entity.get_xdata(SAVMAP) if code == 1000]
+                tags = tuple(map(_undrawn, texts[:5])) if len(texts) >= 4 else ()
+            wanted = whole or bool(tags) or layer.casefold() in self.labelled
+            self._spend(int(depth > 0 or kind not in TEXTS))
+            if kind in TEXTS:
+                continue
+            self.layers[layer] += 1
+            entry = self.document.layers.get(layer) if layer in self.document.layers else None
+            off = entry is not None and (entry.is_frozen() or (entry.is_off() and kind != "INSERT"))
+            if off or entity.dxf.invisible:
+                inside = (entity.block() or ()) if kind == "INSERT" else ()
+                wanted = wanted or any(part.dxf.layer.casefold() in self.labelled for part in inside)
+                self.unread[f"hidden {kind} on layer {layer}"] += int(wanted)
+            elif kind == "INSERT":
+                yield from self._inserted(entity, matrix, layer, depth, whole, tags)
+            elif wanted:
+                corners, is_open = self._corners(entity, kind, matrix)
+                if len(corners):
+                    yield Piece(layer, f"{kind} {entity.dxf.handle or ''}".strip(), corners, is_open, tags)
+                else:
+                    self.unread[f"{kind} on layer {layer}"] += 1
+
+    def _inserted(
+        self, insert: Any, matrix: Any, layer: str, depth: int, whole: bool, tags: tuple[str, ...]
+    ) -> Iterator[Piece]:
+        """A block as often as it is inserted: one piece where its layer has a label, and none in it is on another layer
+        with one; else what is in it."""
+        from ezdxf.xclip import XClip
+
+        block = insert.block()
+        if block is None or block.block.is_xref or block.block.is_xref_overlay:
+            self.unread[f"block {insert.dxf.name} in another file (XREF)"] += 1
+            return
+        if depth >= DEEPEST_BLOCK:
+            raise OutputError(f"blocks are within blocks more than {DEEPEST_BLOCK} deep")
+        is_one = bool(tags) or layer.casefold() in self.labelled
+        for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
+            self._spend(1)
+            inside = list(self._read(block, copy.matrix44() * matrix, layer, depth + 1, whole or is_one))
+            others = {piece.layer.casefold() for piece in inside} - {layer.casefold()}
+            if inside and is_one and others.isdisjoint(self.labelled):
+                name = f"INSERT {insert.dxf.handle or ''}".strip()
+                inside = [Piece(layer, name, np.concatenate([piece.corners for piece in inside]), False, tags)]
+            if inside and XClip(insert).is_clipping_enabled:
+                self.unread[f"clipping (XCLIP) of block {insert.dxf.name}"] += 1
+            yield from inside
+
+    def _corners(self, entity: Any, kind: str, matrix: Any) -> tuple[Floats, bool]:
+        """Corners (n, 3) of an entity in the world of the drawing, none where it is not read or is damaged, and whether
+        lines may go on from it. Those of a curve are its ends, and what is farthest along each axis of the world."""
+        from ezdxf.disassemble import make_primitive
+        from ezdxf.path import make_path
+
+        nothing = np.zeros((0, 3))
+        if kind not in READ or (kind == "MESH" and entity.dxf.subdivision_levels):
+            return nothing, False
+        is_line = kind == "LWPOLYLINE" or (kind == "POLYLINE" and (entity.is_2d_polyline or entity.is_3d_polyline))
+        try:
+            if kind == "MLINE":
+                parts = [self._corners(part, part.dxftype(), matrix)[0] for part in entity.virtual_entities()]
+                return np.concatenate([nothing, *parts]), False
+            if kind in ("SPLINE", "HELIX") and not entity.construction_tool().is_clamped:
+                return nothing, False  # ezdxf takes it from beyond its first knots
+            if kind == "POLYLINE":
+                entity.vertices[:] = [vertex for vertex in entity.vertices if not vertex.dxf.flags & CONTROL_POINT]
+            is_curved = kind in CURVES or (is_line and entity.has_arc)
+            is_path = is_curved or is_line
+            given = list(make_path(entity).approximate(CHORDS) if is_path else make_primitive(entity).vertices())
+            is_open = kind in FACES_AND_LINES or (is_path and not given[0].isclose(given[-1]))
+            if is_line and entity.has_width:
+                given += make_primitive(entity).vertices()
+            up = entity.dxf.extrusion * entity.dxf.thickness if entity.dxf.hasattr("thickness") else None
+            points = np.array([point.xyz for point in matrix.transform_vertices(given)])
+        except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError):  # ezdxf's, of what is damaged
+            return nothing, False
+        self._spend(0, len(points))
+        if is_curved:
+            wide = np.ptp(points, axis=0) > FLAT * np.ptp(points)
+            far = [*points.argmin(axis=0)[wide], *points.argmax(axis=0)[wide]]
+            points = points[[0, -1, *far] if is_open else far]
+        if up is not None:
+            points = np.concatenate([points, points + matrix.transform_direction(up).xyz])
+        return points, is_open
+
+    def _spend(self, entities: int, corners: int = 0) -> None:
         self.entities -= entities
         self.corners -= corners
         if self.entities < 0 or self.corners < 0:
@@ -119,82 +237,20 @@ class _Budget:
             )
 
 
-def _inserted(entities: Any, budget: _Budget) -> Iterator[Piece]:
-    """The entities as pieces; a block that is inserted is one, on the layer on which it is."""
-    for entity in entities:
-        name, layer = f"{entity.dxftype()} {entity.dxf.handle or ''}".strip(), str(entity.dxf.layer)
-        tags: tuple[str, ...] = ()
-        if entity.has_xdata(SAVMAP):
-            texts = [str(value) for code, value in entity.get_xdata(SAVMAP) if code == 1000]
-            tags = tuple(map(_undrawn, texts[:5])) if len(texts) >= 4 else ()
-        if entity.dxftype() == "INSERT":
-            for copy in _copies(entity):
-                corners = np.concatenate([np.zeros((0, 3)), *_in_block(copy, budget, 1)])
-                yield Piece(layer, name, corners, False, tags)
-        elif entity.dxftype() not in TEXTS:
-            corners, is_open = _corners(entity)
-            budget.spend(1, len(corners))
-            yield Piece(layer, name, corners, is_open, tags)
-
-
-def _copies(insert: Any) -> Iterator[Any]:
-    """A block as often as it is inserted: in columns and rows, or once."""
-    return insert.multi_insert() if insert.mcount > 1 else iter((insert,))
-
-
-def _in_block(insert: Any, budget: _Budget, depth: int) -> Iterator[Floats]:
-    """The corners of a block that is inserted, and of those in it."""
-    budget.spend(INSERTED)
-    if depth > DEEPEST_BLOCK:
-        raise OutputError(f"blocks are within blocks more than {DEEPEST_BLOCK} deep")
-    for entity in insert.virtual_entities():
-        if entity.dxftype() == "INSERT":
-            for copy in _copies(entity):
-                yield from _in_block(copy, budget, depth + 1)
-        elif entity.dxftype() not in TEXTS:
-            corners, _ = _corners(entity)
-            budget.spend(1, len(corners))
-            yield corners
-
-
-def _corners(entity: Any) -> tuple[Floats, bool]:
-    """Corners (n, 3) of an entity in the world of the drawing, none of a kind that has none, and whether lines may go
-    on from it."""
-    kind, points, is_open = entity.dxftype(), [], False
-    if kind == "LINE":
-        points, is_open = [entity.dxf.start, entity.dxf.end], True
-    elif kind == "POINT":
-        points = [entity.dxf.location]
-    elif kind == "LWPOLYLINE":
-        points = list(entity.vertices_in_wcs())
-        is_open = not entity.closed and len(points) < 3
-    elif kind == "POLYLINE":
-        points = [vertex.dxf.location for vertex in entity.vertices]
-    elif kind in ("3DFACE", "SOLID", "TRACE"):
-        points, is_open = entity.wcs_vertices(), kind == "3DFACE"
-    elif kind == "MESH":
-        points = list(entity.vertices)
-    elif kind == "CIRCLE":
-        points = list(entity.vertices((0, 90, 180, 270)))
-    return np.array([tuple(point)[:3] for point in points], dtype=np.float64).reshape(-1, 3), is_open
-
-
 def _undrawn(text: str) -> str:
     """A text whose codes of drawings stand for what they mean (`exports.models.dxf.drawn_text`)."""
     return text.replace("%%%%%%", "%%").replace("^ ", "^")
 
 
-def _written_by_savmap(pieces: Sequence[Piece], metres: float, options: ImportOptions) -> list[SurveyElement]:
+def _written_by_savmap(pieces: Sequence[Piece], metres: float, options: ImportOptions) -> Iterator[SurveyElement]:
     """The structures of a drawing that savmap wrote, which stand in the world."""
     groups = dict[tuple[str, ...], list[Piece]]()
     for piece in pieces:
         groups.setdefault(piece.tags[:4], []).append(piece)
-    elements = []
     for (row, _, name, label), group in groups.items():
         text = "".join(group[0].tags[4:])
         structure = element(name, label, _corners_of(group) * metres, attributes={"text": text} if text else {})
-        elements.append(SurveyElement(row, options.frame or "world", structure))
-    return elements
+        yield SurveyElement(row, options.frame or "world", structure)
 
 
 def _corners_of(pieces: Sequence[Piece]) -> Floats:
@@ -205,25 +261,15 @@ def _corners_of(pieces: Sequence[Piece]) -> Floats:
 
 
 def _drawn(
-    path: Path, pieces: Sequence[Piece], metres: float, options: ImportOptions, labels: Mapping[str, str]
-) -> list[SurveyElement]:
+    pieces: Sequence[Piece], metres: float, options: ImportOptions, labels: Mapping[str, str]
+) -> Iterator[SurveyElement]:
     """The elements on layers that have a label."""
-    given = {theirs.casefold(): ours for theirs, ours in options.labels.items()} or labels
-    chosen = [piece for piece in pieces if piece.layer.casefold() in given]
-    if not chosen:
-        layers = [layer for layer, _ in Counter(piece.layer for piece in pieces).most_common()]
-        raise OutputError(
-            f"{path}: no layer is called like a label ({listed(labels.values())}); there are {listed(layers)}: "
-            "say --layer NAME=LABEL"
-        )
-    groups = [[piece] for piece in chosen if not piece.open]
-    groups += _touching([piece for piece in chosen if piece.open], metres)
-    elements = []
+    groups = [[piece] for piece in pieces if not piece.open]
+    groups += _touching([piece for piece in pieces if piece.open], metres)
     for group in groups:
         name, layer = group[0].name, group[0].layer
-        structure = element(f"{name} on layer {layer}", given[layer.casefold()], _corners_of(group) * metres)
-        elements.append(SurveyElement("", options.usual_frame, structure))
-    return elements
+        structure = element(f"{name} on layer {layer}", labels[layer.casefold()], _corners_of(group) * metres)
+        yield SurveyElement("", options.usual_frame, structure)
 
 
 def _touching(pieces: Sequence[Piece], metres: float) -> list[list[Piece]]:

@@ -35,7 +35,7 @@ def elements_of(path: Path, options: ImportOptions, labels: Mapping[str, str]) -
     if ending in DRAWINGS:
         from savmap.maps.imports.drawing import read_drawing  # only here: it is slow to load
 
-        return FileElements(tuple(read_drawing(path, options, labels)))
+        return read_drawing(path, options, labels)
     if ending in MODELS:
         from savmap.maps.imports.model import read_model
 
