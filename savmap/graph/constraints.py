@@ -27,8 +27,9 @@ class Relation:
     name is structure: a grid line, the face plane. `note_if_outlier` is for a named relation whose landmark may have
     been taken for another: where all other references refute it, it is left out and the user gets this line.
     `may_be_missing`: that is no reason to warning the map, for the user did not say that this very landmark exists.
-    `presumed` is for a named relation that the plugin takes for granted and nobody measured: what to tell the user
-    where more is found than its value. It is the first to be left out then.
+    `is_given` is False for a named relation that nobody measured: savmap saw it, or takes it for granted. `presumed` is
+    for one of the latter: what to tell the user where something else is found than its value. It is the first to be
+    left out then, and refuses no row.
     """
 
     axis: Axis | None
@@ -40,6 +41,7 @@ class Relation:
     note_if_outlier: str = ""
     may_be_missing: bool = False
     presumed: str = ""
+    is_given: bool = True
 
     @property
     def column(self) -> int:

@@ -86,6 +86,16 @@ class Problem:
         drive = drive_axes(poses, speeds)
         return Scene(np.einsum("nij,nj->ni", rig_from_world, offsets), ahead, rates[self.at_frame], drive)
 
+    @cached_property
+    def presumed(self) -> Mapping[str, str]:
+        """What plugins take for granted, by name, with what to tell the user where it is not so."""
+        return {relation.name: relation.presumed for relation in self.relations if relation.presumed}
+
+    @cached_property
+    def not_given(self) -> frozenset[str]:
+        """Names of references that nobody measured."""
+        return frozenset(relation.name for relation in self.relations if not relation.is_given)
+
     def index(self, key: int) -> int:
         """Index of a landmark's key in `keys`."""
         return int(np.searchsorted(self.keys, key))

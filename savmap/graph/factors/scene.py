@@ -48,10 +48,10 @@ def floor_constraints(
     sigma_m = sigma * (float(np.median(heights)) if heights else USUAL_HEIGHT_M)
     first, *others = (keys[track.name] for track in located)
     level = (equal_coordinate("y", first, other) for other in others)
-    relations = (known_coordinate("y", first, 0.0, sigma_m, FLOOR_REFERENCE), *level)
+    seen = replace(known_coordinate("y", first, 0.0, sigma_m, FLOOR_REFERENCE), is_given=False)
     along = [float(start.world_from_rig[np.isin(start.frames, track.frames), 0, 3].mean()) for track in located]
     initial = {track.name: np.array([x, 0.0, FIRST_BEFORE_M]) for track, x in zip(located, along, strict=True)}
-    return Constraints(FLOOR, keys, image_measurements(located, keys, views), relations, initial)
+    return Constraints(FLOOR, keys, image_measurements(located, keys, views), (seen, *level), initial)
 
 
 def without_presumed(constraints: Constraints) -> Constraints:

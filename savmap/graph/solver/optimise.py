@@ -31,7 +31,7 @@ from savmap.graph.solver.judgement.reference_tests import (
     solved_references,
     tested_keys,
 )
-from savmap.graph.solver.judgement.soft_references import softened
+from savmap.graph.solver.judgement.soft_references import holding_scale, softened
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, minimum
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
@@ -199,7 +199,9 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     if not any(True for _ in solved_references(soft, estimate)):
         return roughly
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
-    *_, last = _rounds(soft, moved(soft, estimate, similarity), options)
+    begun = moved(soft, estimate, similarity)
+    soft = holding_scale(soft, begun.points)
+    *_, last = _rounds(soft, begun, options)
     judgement = judgement_of(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
     return judgement, aligned(judgement.problem, last.estimate), last
 

@@ -19,6 +19,9 @@ from savmap.graph import (
     merge,
     solve,
 )
+from savmap.graph.initial.start import starts
+from savmap.graph.solver.judgement.soft_references import holding_scale, softened
+from savmap.graph.solver.optimise import SOFT_ROUNDS, SolveOptions, refined
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -87,7 +90,9 @@ def test_feet_that_guards_hide_do_not_contradict_a_measured_length(above: float)
     given = made.references(world, camera=True, length=True)
     solution = solve(merge(camera_priors(world.facts, begin, given), own))
     warnings = [warning.details[0] for warning in solution.warnings]
-    assert [what.startswith("no upright is seen down to the floor") for what in warnings] == ([True] if above else [])
+    assert [what.startswith("by what was measured, the uprights' feet are not on the floor") for what in warnings] == (
+        [True] if above else []
+    )
     assert largest_error(world, solution) < 0.03
 
 
@@ -103,6 +108,46 @@ def test_a_scale_that_rests_on_feet_alone_is_doubted() -> None:
         assert [what.startswith("scale or place rest on the floor under the uprights") for what in warnings] == [
             True
         ] * doubted
+
+
+@pytest.mark.parametrize("above", [(-0.5,) * 5, (0.0, 0.3, 0.0, 0.3, 0.0)])
+def test_what_is_presumed_refuses_no_row(four: made.World, above: tuple[float, ...]) -> None:
+    """Neither feet below the floor, where a camera height or a length is wrong, nor feet at several heights."""
+    feet = [made.foot(four, upright, height) for upright, height in enumerate(above)]
+    own = constrain([*four.tracks, *feet], four.facts, made.begin(four), settings=GridSettings())
+    given = made.references(four, camera=True, length=True)
+    solution = solve(merge(camera_priors(four.facts, made.begin(four), given), own))
+    [warning] = solution.warnings
+    worst = max(above, key=abs)
+    assert (warning.code, warning.subjects) == ("doubtful-scale", ())
+    assert f"what was found instead is at {worst:.2f} m" in made.said(warning)
+    assert largest_error(four, solution) < 0.02
+
+
+def test_a_presumption_is_never_called_given(four: made.World) -> None:
+    """Feet at several heights give no scale, and nothing that was measured is called wrong for that."""
+    feet = [made.foot(four, upright, 0.3 * (upright % 2)) for upright in range(5)]
+    own = constrain([*four.tracks, *feet], four.facts, made.begin(four), settings=GridSettings())
+    with pytest.raises(SolveError, match="scale is not known"):
+        solve(merge(camera_priors(four.facts, made.begin(four), made.references(four, length=False)), own))
+
+
+def test_outliers_do_not_shrink_a_scene_with_soft_references() -> None:
+    """Straight beams of a smaller scene bend less, in metres: it shrank by a quarter, and by itself went on to nothing."""
+    world, random = made.world(11, sections=2, frames=24, bridge=None), np.random.default_rng(0)
+    feet = [made.foot(world, upright, 0.0) for upright in range(3)]
+    shifts = {track.name: 60.0 * random.choice([-1, 1]) for track in world.tracks if track.place.get("side") == "left"}
+    wrong = [
+        replace(track, pixels=track.pixels + np.array([0.0, shifts.get(track.name, 0.0)])) for track in world.tracks
+    ]
+    own = constrain([*wrong, *feet], world.facts, made.begin(world), settings=GridSettings())
+    problem = merge(camera_priors(world.facts, made.begin(world), made.references(world, length=False)), own)
+    [start] = starts(problem, "linear")
+    soft = holding_scale(softened(problem, {}), start.estimate.points)
+    solved = refined(
+        soft, start.estimate, SolveOptions(rounds=SOFT_ROUNDS), np.zeros(len(soft.measurements.biases.prior))
+    )
+    assert np.ptp(solved.estimate.points[:, 0]) == pytest.approx(np.ptp(start.estimate.points[:, 0]), rel=0.02)
 
 
 def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:

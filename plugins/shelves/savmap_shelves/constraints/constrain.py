@@ -138,8 +138,8 @@ FLOOR_SIGMA_M = 0.03
 """Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a
 row."""
 HIDDEN_FEET = (
-    "no upright is seen down to the floor: either guards or goods hide their feet, which are not used then, "
-    "or a reference is wrong; measure the camera's height and a length again, or give the height of a lowest beam"
+    "by what was measured, the uprights' feet are not on the floor: either guards or goods hide them, and they are not "
+    "used, or a reference is wrong; measure the camera's height and a length again, or give the height of a lowest beam"
 )
 
 
@@ -359,7 +359,7 @@ def _floor(feet: Sequence[Track], keys: Mapping[str, int]) -> Iterator[Relation]
     for track in feet:
         yield fixed_coordinate("z", keys[track.name])
         floor = known_coordinate("y", keys[track.name], 0.0, sigma, "floor under the uprights")
-        yield replace(floor, presumed=HIDDEN_FEET)
+        yield replace(floor, presumed=HIDDEN_FEET, is_given=False)
 
 
 def _edge_names(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[tuple[str, tuple[Axis, int]]]:

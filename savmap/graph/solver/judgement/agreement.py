@@ -101,8 +101,9 @@ class Agreement:
         }
 
     def rest(self, name: str, out: Names = frozenset()) -> tuple[float, float]:
-        """What all others but those that are `out` say of a reference's value, and its standard deviation, m."""
-        index = int(self.at(name)[0])
+        """What all others but those that are `out` say of a reference's value, and its standard deviation, m; of several
+        by one name, the one that is farthest off."""
+        index = int(max(self.at(name), key=lambda index: abs(self.off[index])))
         matrix, right, _ = self._normal(out | {name})
         slope, inverse = self.slopes[index], np.linalg.inv(matrix)
         moved, variance = slope @ inverse @ right, slope @ inverse @ slope
@@ -134,18 +135,19 @@ class Agreement:
         if not costs or len(self.all_names) - firm - loose < min(LEAST_BELIEVED, len(self.all_names)):
             return []
         best = min(costs, key=costs.__getitem__)
-        if not self._agrees(best) or not self._refutes(best):
+        if not self.agrees(best) or not self._refutes(best):
             return []
         half = (self.cost() + costs[best]) / 2
         near = sorted((out for out in costs if costs[out] <= costs[best] + CLEARLY), key=costs.__getitem__)
-        return [out for out in near if self._refutes(out) and (costs[out] <= half or self._agrees(out))]
+        return [out for out in near if self._refutes(out) and (costs[out] <= half or self.agrees(out))]
 
     def _refutes(self, out: Names) -> bool:
         """Whether the rest contradicts each of those that are out."""
         whole = self.cost(out)
         return all(self.cost(out - {name}) - whole > self.critical**2 for name in out)
 
-    def _agrees(self, out: Names) -> bool:
+    def agrees(self, out: Names = frozenset()) -> bool:
+        """Whether those that are not `out` agree."""
         return max(self.deviations(out).values(), default=0.0) <= self.critical
 
     def _sets(self, mistakable: Names, firm: int, loose: int) -> list[Names]:

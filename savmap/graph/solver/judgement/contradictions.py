@@ -25,7 +25,7 @@ from savmap.graph.initial.outlier_references import (
 )
 from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
-from savmap.graph.solver.judgement.reference_tests import off_by, solved_references
+from savmap.graph.solver.judgement.reference_tests import off_by, solved_references, stated
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.types import Floats, MapWarning, ReferenceUse
 
@@ -91,7 +91,7 @@ def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariance
     """The problem without what is wrong in it, from the estimate of the softened problem and its covariance.
 
     Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
-    wrong, or at all where the user wants that.
+    wrong, or at all where the user wants that; never for what is presumed.
     """
     agreed = agreement(soft, problem, estimate, covariance)
     explained = _possible(problem, agreed, _explanations(problem, agreed))
@@ -99,9 +99,13 @@ def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariance
         granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
         return Judgement(problem, warnings=tuple(granted), unchecked=tuple(unchecked))
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
-    suspects = _suspects(agreed, explained, clear)
-    lines = [f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}" for name, out in suspects]
     wanted = problem.camera.references.on_contradiction
+    if explained and explained[0] <= frozenset(problem.presumed):
+        if clear:
+            return _left_out(problem, estimate, agreed, explained[0], wanted != "leave_out")
+        return _presumed_less(problem, agreed, explained[0])
+    suspects = _suspects(agreed, explained, clear)
+    lines = [f"{_line(problem, agreed, *suspect)}{_in_unit(agreed, *suspect)}" for suspect in suspects]
     if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
         raise contradiction(problem, "; or ".join(lines[:NAMED]))
     if clear:
@@ -109,16 +113,12 @@ def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariance
     return _uncertain(problem, agreed, suspects, lines)
 
 
-def _presumed(problem: Problem, agreed: Agreement) -> Names:
-    """What nobody measured and seems to be more than was presumed."""
-    names = {relation.name: relation.value for relation in problem.relations if relation.presumed}
-    return frozenset(name for name, value in names.items() if agreed.rest(name)[0] > value)
-
-
 def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
-    """The sets of references that may be wrong. Those passed over are taken for likelier than others where that leaves
-    enough to check one another."""
-    presumed = _presumed(problem, agreed)
+    """The sets of references that may be wrong. What is presumed is so before anything that was given. Those passed over
+    are taken for likelier than others where that leaves enough to check one another."""
+    presumed = frozenset(problem.presumed)
+    if presumed and agreed.agrees(presumed) and not agreed.agrees():
+        return [presumed]
     explained = agreed.explanations(presumed | _passed_over(problem, agreed))
     enough = all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained)
     return explained if enough else agreed.explanations(presumed)
@@ -172,17 +172,20 @@ def _is_nothing(agreed: Agreement, name: str, out: Names) -> bool:
 
 def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, warned: bool) -> Judgement:
     """Without those that do not fit. One whose landmark was evidently not seen, as the next one up was found, is worth
-    a note."""
+    a note. What is presumed is no reference of the user's: without it the scale or the place rest on fewer."""
     notes, warnings = list[str](), list[MapWarning]()
     for name in sorted(out):
         relation = next((item for item in problem.relations if item.name == name), None)
         otherwise, _ = agreed.rest(name, out)
         place = _place(problem, soft, relation)
-        if relation is not None and _is_of_another(relation, otherwise):
+        if relation is not None and relation.presumed:
+            notes.append(line_of(relation, otherwise))
+            harmless, warning = False, MapWarning("doubtful-scale", details=(notes[-1],))
+        elif relation is not None and _is_of_another(relation, otherwise):
             notes.append(line_of(relation, otherwise))
             harmless, warning = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
-            line = f"{_line(agreed, name, out)}{_in_unit(agreed, name, out)}: it is not used"
+            line = f"{_line(problem, agreed, name, out)}{_in_unit(agreed, name, out)}: it is not used"
             notes.append(f"{line}; measure it again")
             harmless, details = False, (line, *_missing(problem, agreed, name, out))
             warning = _conflict(agreed, (name,), (name, out), details, place)
@@ -197,8 +200,8 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
 
 
 def _is_of_another(relation: Relation, otherwise: float) -> bool:
-    """Whether something else was seen than what the reference is of: what hides the foot of an object, or the next one up."""
-    return bool(relation.presumed or (relation.note_if_outlier and otherwise > relation.value + REFUTED_M))
+    """Whether something else was seen than what the reference is of: the next one up."""
+    return bool(relation.note_if_outlier and otherwise > relation.value + REFUTED_M)
 
 
 def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:
@@ -206,6 +209,15 @@ def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iter
     if is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
         gap = where_frames_are_missing(problem)
         yield f"a part of the row may be missing from the map{f' ({gap})' if gap else ''}"
+
+
+def _presumed_less(problem: Problem, agreed: Agreement, out: Names) -> Judgement:
+    """With what is presumed as uncertain as it deviates: without it the rest does not give scale or place."""
+    deviations = agreed.deviations()
+    wider = {name: deviations[name] * _given(agreed, name).sigma for name in out}
+    details = tuple(problem.presumed[name] for name in sorted(out))
+    warnings = (MapWarning("doubtful-scale", details=details), *_granted(problem, agreed, frozenset()))
+    return Judgement(with_sigmas(problem, wider), details, warnings, tuple(_unchecked(problem, agreed, frozenset())))
 
 
 def _uncertain(
@@ -270,16 +282,13 @@ def _unnoticed(agreed: Agreement, names: Names, out: Names) -> float:
 
 def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[MapWarning]:
     """A warning about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
-    names = dict.fromkeys(
-        relation.name for relation in problem.relations if relation.presumed and relation.name not in out
-    )
-    for name in names:
-        if _is_alone(agreed, frozenset({name}), out):
+    for name in problem.presumed:
+        if name not in out and _is_alone(agreed, frozenset({name}), out):
             why = (
                 f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods may hide it, and the map is wrong "
                 "by as much then; give a length, or a height on the structure"
             )
-            yield MapWarning("doubtful-scale", (name,), details=(why,))
+            yield MapWarning("doubtful-scale", details=(why,))
 
 
 def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
@@ -315,13 +324,13 @@ def _conflict(
     return MapWarning("reference-conflict", tuple(names), figure, place, details=tuple(details), size=off)
 
 
-def _line(agreed: Agreement, name: str, out: Names) -> str:
+def _line(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
     use = _given(agreed, name)
     otherwise, sigma = agreed.rest(name, out)
     says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
     if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
         says = "does not fit it at all"
-    return f"{name} is given as {use.value:.3f} m +- {use.sigma:.3f} m, but the rest {says}"
+    return f"{stated(use, name not in problem.not_given)}, but the rest {says}"
 
 
 def _unit_of(agreed: Agreement, name: str, out: Names) -> str:

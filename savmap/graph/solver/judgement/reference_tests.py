@@ -21,11 +21,13 @@ UNSEEN = 2
 
 @dataclass(frozen=True)
 class ReferenceTest:
-    """A reference's use, its value as all else gives it (`predicted`), and by how many standard deviations it deviates."""
+    """A reference's use, its value as all else gives it (`predicted`), by how many standard deviations it deviates, and
+    whether somebody measured it."""
 
     use: ReferenceUse
     predicted: float
     deviation: float
+    is_given: bool
 
     @property
     def gross(self) -> bool:
@@ -35,8 +37,12 @@ class ReferenceTest:
     @property
     def line(self) -> str:
         """What it says, for the user."""
-        given = f"{self.use.name} is given as {self.use.value:.3f} m +- {self.use.sigma:.3f} m"
-        return f"{given}, but the rest says {self.predicted:.3f} m"
+        return f"{stated(self.use, self.is_given)}, but the rest says {self.predicted:.3f} m"
+
+
+def stated(use: ReferenceUse, is_given: bool) -> str:
+    """What a line says of a reference: what nobody measured is not given."""
+    return f"{use.name} is {'given as' if is_given else 'taken to be at'} {use.value:.3f} m +- {use.sigma:.3f} m"
 
 
 def off_by(off_m: float, sigma_m: float) -> str:
@@ -46,11 +52,13 @@ def off_by(off_m: float, sigma_m: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class SolvedReference:
-    """A reference as it is given, its value in the solution, and that value's derivative (3n,) to points by `keys` (n)."""
+    """A reference as it is given, if it is, its value in the solution, and that value's derivative (3n,) to points by
+    `keys` (n)."""
 
     use: ReferenceUse
     slope: Floats
     keys: list[int]
+    is_given: bool = True
 
     def considered(self, covariance: Covariance) -> float:
         """The variance that comes from what was not estimated."""
@@ -110,7 +118,7 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate) -> SolvedR
         along = span / np.linalg.norm(span) if relation.axis is None else np.eye(3)[relation.column]
         value, slope = float(along @ span), np.concatenate([-along, along])
     use = ReferenceUse(relation.name, relation.value, relation.sigma, value)
-    return SolvedReference(use, slope, list(relation.keys))
+    return SolvedReference(use, slope, list(relation.keys), relation.is_given)
 
 
 def _test(solved: SolvedReference, covariance: Covariance) -> ReferenceTest:
@@ -125,13 +133,14 @@ def _test(solved: SolvedReference, covariance: Covariance) -> ReferenceTest:
     spread = float(np.sqrt(share * use.sigma**2 + solved.considered(covariance)))
     residual = use.solved - use.value
     if spread / share > max(VAGUE_M, VAGUE_SHARE * abs(use.value)):
-        return ReferenceTest(use, use.solved, 0.0)
-    return ReferenceTest(use, use.value + residual / share, abs(residual) / spread)
+        return ReferenceTest(use, use.solved, 0.0, solved.is_given)
+    return ReferenceTest(use, use.value + residual / share, abs(residual) / spread, solved.is_given)
 
 
 def refuse_contradiction(problem: Problem, tests: list[ReferenceTest]) -> None:
-    """Raises SolveError where references deviate grossly, naming those that deviate most."""
-    wrong = [test for test in tests if test.gross]
+    """Raises SolveError where references deviate grossly, naming those that deviate most; not for what is presumed."""
+    presumed = problem.presumed
+    wrong = [test for test in tests if test.gross and test.use.name not in presumed]
     if wrong:
         lines = "; ".join(test.line for test in sorted(wrong, key=lambda test: -test.deviation)[:3])
         raise contradiction(problem, lines)
@@ -144,7 +153,9 @@ def refuse_unseen(problem: Problem, fit: Fit) -> None:
     lost = [
         relation.name
         for relation in problem.relations
-        if relation.name and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
+        if relation.name
+        and not relation.presumed
+        and any(seen[at] and not used[at] for at in map(problem.index, relation.keys))
     ]
     if len(lost) >= UNSEEN:
         raise contradiction(problem, f"nothing that was seen of {', '.join(lost[:3])} fits the others")

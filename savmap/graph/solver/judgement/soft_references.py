@@ -3,11 +3,37 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
+from savmap.graph.constraints import Relation
 from savmap.graph.problem import Problem
+from savmap.types import Axis, Floats
 
 SOFT_M, SOFT_PART = 0.1, 0.02
 """Far more than pictures leave open of a row's shape, and little enough to keep its scale and place near what is given."""
 AWAY = 3.0
+HELD_PART = 1e-3
+"""How firmly a scene with soft references keeps its scale: no error of what is known in metres bends it by as much."""
+
+
+def holding_scale(problem: Problem, points: Floats) -> Problem:
+    """The problem with the extent of a scene, points (m, 3), held: along its longest side, between the farthest of what
+    was measured often.
+
+    Soft references hold the scale so loosely that outliers shrink the scene: what is straight to a millimetre hinders
+    them less, the smaller it is. Of how references agree a scale that is held says nothing. Where the camera's path is
+    given, the scene has its scale.
+    """
+    counts = np.bincount(problem.at_key, minlength=len(points))
+    often = np.flatnonzero(counts >= np.median(counts))
+    extents = np.ptp(points[often], axis=0)
+    if problem.camera.fixed is not None or not extents.any():
+        return problem
+    column = int(np.argmax(extents))
+    first, last = (int(problem.keys[often[end(points[often, column])]]) for end in (np.argmin, np.argmax))
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    held = Relation(axes[column], first, last, float(extents[column]), HELD_PART * float(extents[column]))
+    return replace(problem, relations=(*problem.relations, held))
 
 
 def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
