@@ -81,8 +81,8 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
     "doubtful-scale": WarningKind(
         "the map's scale is doubtful",
         "give a measured length, in metres",
-        "nobody measured what gives the scale or the place, or that does not fit what was measured; or no such structure "
-        "has the sizes that the map has",
+        "nobody measured what gives the scale or the place, or that does not fit what was measured; or no such "
+        "structure has the sizes that the map has",
         of="reasons",
     ),
     "bad-panorama": WarningKind(

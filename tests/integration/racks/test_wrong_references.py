@@ -133,7 +133,7 @@ def test_a_presumption_is_never_called_given(four: made.World) -> None:
 
 
 def test_outliers_do_not_shrink_a_scene_with_soft_references() -> None:
-    """Straight beams of a smaller scene bend less, in metres: it shrank by a quarter, and by itself went on to nothing."""
+    """Beams that must be straight bend less, in metres, the smaller the scene is: it shrank by a quarter."""
     world, random = made.world(11, sections=2, frames=24, bridge=None), np.random.default_rng(0)
     feet = [made.foot(world, upright, 0.0) for upright in range(3)]
     shifts = {track.name: 60.0 * random.choice([-1, 1]) for track in world.tracks if track.place.get("side") == "left"}
