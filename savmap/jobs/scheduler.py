@@ -5,12 +5,12 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from typing import Any, Literal, TypeVar
 
-from savmap.errors import SavmapError
+from savmap.errors import SavmapError, SiteError
 from savmap.files.journal import Parts, counts, forget
 from savmap.jobs import tasks
 from savmap.jobs.cache import RowCache, StoredRecord
@@ -112,8 +112,8 @@ def _show_notes(row: RowMap, monitor: Monitor) -> None:
 @dataclass(eq=False)
 class _Progress:
     """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins
-    that failed in it. `wants_pictures`: whether pictures are made. `earlier`: by row, what an earlier run
-    kept of it."""
+    that failed in it. `wants_pictures`: whether pictures are made. `solved_by`: the keys of groups' maps, as they were
+    when the work on them began. `earlier`: by row, what an earlier run kept of it."""
 
     job: Job
     cache: RowCache
@@ -123,6 +123,7 @@ class _Progress:
     clock: RunClock
     wants_pictures: bool = False
     keys: dict[str, str] = field(default_factory=dict)
+    solved_by: dict[Group, str] = field(default_factory=dict)
     earlier: dict[str, tasks.RowRecords] = field(default_factory=dict)
     solved: dict[str, StoredRecord[RowMap]] = field(default_factory=dict)
     pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
@@ -134,7 +135,8 @@ class _Progress:
     def begin(self, group: Group) -> None:
         """Use what an earlier run kept of a group, and have the rest worked out."""
         self.keys |= {name: measurement_key(self.job, name) for name in group}
-        records_of = {name: self._known(name, solution_key(self.job, self._keys_of(group))) for name in group}
+        self.solved_by[group] = solution_key(self.job, self._keys_of(group))
+        records_of = {name: self._known(name, self.solved_by[group]) for name in group}
         self.earlier |= records_of
         if all(records.solved is not None for records in records_of.values()):
             self.monitor.note(f"kept from an earlier run: row {' and '.join(group)}")
@@ -165,12 +167,16 @@ class _Progress:
         for line in done.notes:
             self.monitor.note(line)
         trace.log_lines(done.logged)
+        is_other = solution_key(self.job, self._keys_of(group)) != self.solved_by[group]
         for name, records in done.rows.items():
+            if is_other and self.job.against is not None:
+                text = f"--against: {self.job.against} was changed while row {name} was mapped; run it again"
+                records = replace(records, solved=None, pictured=None, failure=tasks.Failure(SiteError(text)))
             self.plugins_failed[name] = records.plugins_failed
             self.seconds[name] = {stage: round(spent / len(group), 3) for stage, spent in done.seconds.items()}
             self.peak_mb[name] = round(done.peak_mb, 1)
             if not records.plugins_failed:
-                self._save(name, records, solution_key(self.job, self._keys_of(group)))
+                self._save(name, records, self.solved_by[group])
             if records.failure is not None:
                 self._fail(name, records.failure)
             else:

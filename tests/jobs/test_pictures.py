@@ -8,13 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.errors import SavmapError
+from savmap.errors import SavmapError, SiteError
 from savmap.files.journal import Journal
 from savmap.jobs import tasks
 from savmap.jobs.cache import FolderCache, NoCache, RowCache
 from savmap.jobs.map_site import write_photo
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import RowPicture
+from savmap.maps.map_file import write_map
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
 from savmap.report.page import Report
 from savmap.site.job import job_for
@@ -56,8 +57,7 @@ class Work:
 
     def solve(self, measured: Sequence[MeasuredRow], monitor: Monitor) -> list[RowMap]:
         self.done.append("solved")
-        path = Trajectory(np.zeros(1, np.int64), np.eye(4)[None])
-        return [RowMap(row.request.name, TABLE, {}, path, {}, (), face=FACE) for row in measured]
+        return [mapped(row.request.name) for row in measured]
 
     def picture(self, row: RowMap, strips: RowStrips) -> RowPicture:
         self.done.append("pictured")
@@ -65,6 +65,10 @@ class Work:
         if self.failure:
             raise self.failure
         return RowPicture(self.photo)
+
+
+def mapped(name: str) -> RowMap:
+    return RowMap(name, TABLE, {}, Trajectory(np.zeros(1, np.int64), np.eye(4)[None]), {}, (), face=FACE)
 
 
 @pytest.fixture
@@ -111,6 +115,26 @@ def test_new_references_solve_and_picture_again(work: Work, tmp_path: Path) -> N
     run(cache, tmp_path, travel_m=16.0)
     assert work.done[3] == "solved"
     assert "measured with strips" not in work.done[3:]
+
+
+def test_a_map_that_changes_while_it_is_used_is_told_and_not_kept(
+    work: Work, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next run is of the map as it is then."""
+    earlier, cache = tmp_path / "before" / "map.json", FolderCache(tmp_path)
+    write_map(SiteMap({"A": mapped("A")}, {}), earlier)
+    job = job_for(EXAMPLE / "site.yaml", ["lights"], tmp_path, against=earlier)
+
+    def changes(measured: Sequence[MeasuredRow], monitor: Monitor) -> list[RowMap]:
+        write_map(SiteMap({"A": mapped("A"), "B": mapped("B")}, {}), earlier)
+        return work.solve(measured, monitor)
+
+    monkeypatch.setattr(tasks, "map_rows", changes)
+    with pytest.raises(SiteError, match=r"--against: .*map.json was changed while row A was mapped; run it again"):
+        map_rows_of(job, RunOptions(0), NoteCollector(), cache)
+    monkeypatch.setattr(tasks, "map_rows", work.solve)
+    assert map_rows_of(job, RunOptions(0), NoteCollector(), cache).log.rows["A"].status == "mapped"
+    assert work.done == ["measured", "solved", "solved"]
 
 
 def test_rows_measured_without_strips_are_measured_again(work: Work, tmp_path: Path) -> None:
