@@ -23,7 +23,15 @@ ALLOW, KILL = 0x7FFF0000, 0x80000000
 NUMBER, ARCHITECTURE = 0, 4
 """Where these lie in what the filter is given."""
 
-KEPT = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "OMP_NUM_THREADS", "OMP_WAIT_POLICY")
+KEPT = (
+    "PATH",
+    "PYTHONPATH",
+    "LD_LIBRARY_PATH",
+    "DYLD_LIBRARY_PATH",
+    "OMP_NUM_THREADS",
+    "OMP_WAIT_POLICY",
+    "OPENBLAS_CORETYPE",
+)
 """All that is left of the environment: telemetry is commonly off where `CI` and its like are set."""
 
 SEALS = sys.platform == "linux" and platform.machine() in CONNECT

@@ -1,19 +1,25 @@
-"""Rows on a real Dask scheduler with two real workers, one of which is killed in mid-run: the same bytes as here."""
+"""Rows on a real Dask scheduler with two real workers, one of which is killed in mid-run: the same bytes as here, where
+all use the same BLAS kernels, and nearly the same maps where they do not."""
 
+import os
+import platform
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import distributed
+import numpy as np
 import pytest
 
-from savmap.errors import SavmapError
+from savmap.errors import MustCheckError, SavmapError
 from savmap.files.atomic import write_text
+from savmap.files.serialization import unpacked
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.executors import DaskExecutor
 from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.site.job import job_for
+from savmap.types import RowMap
 from savmap.types.progress import SilentMonitor
 
 from ..integration.sealed import surroundings
@@ -46,11 +52,11 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, lis
     assert not list(home.rglob("*"))
 
 
-def site(folder: Path) -> Path:
-    """Two rows that share no frames: the first half of the same face at different rates."""
+def site(folder: Path, **rates: float) -> Path:
+    """Rows that share no frames: the first half of the same face at different rates."""
     text = "plugins: {shelves: {}}\nreferences: {camera_height_m: {value: 3.055}}\nrows:\n"
     video = EXAMPLE / "aisle-dev.mp4"
-    for name, fps in (("A", 1.0), ("B", 1.2)):
+    for name, fps in (rates or {"A": 1.0, "B": 1.2}).items():
         text += f"  {name}: {{passes: [{{video: {video}, side: left, end_s: 9, fps: {fps}}}]}}\n"
     write_text(folder / "site.yaml", text)
     return folder / "site.yaml"
@@ -89,6 +95,47 @@ class Killer(SilentMonitor):
                 self.victim.kill()
                 self.after = number + 1
             yield item
+
+
+KERNELS = {"x86_64": ("Nehalem", "Haswell"), "aarch64": ("ARMV8", "NEOVERSEN1")}
+"""Of OpenBLAS, by machine: without and with AVX2, and the plainest beside that of a server."""
+MAPS = """
+import scipy.linalg
+from threadpoolctl import threadpool_info
+print({library["architecture"] for library in threadpool_info() if "scipy_openblas" in library["prefix"]})
+from savmap.cli.app import main
+main()
+"""
+
+
+@pytest.mark.skipif(platform.machine() not in KERNELS, reason="no other kernels to choose")
+def test_other_blas_kernels_move_no_vertex_by_0_01_sigma(tmp_path: Path) -> None:
+    path, used, rows = site(tmp_path, A=1.0), [], []
+    for kernel in KERNELS[platform.machine()]:
+        options = (
+            "--plugins",
+            "shelves",
+            "--jobs",
+            "0",
+            "--no-panoramas",
+            "--no-orthophotos",
+            "-o",
+            str(tmp_path / kernel),
+        )
+        command = [sys.executable, "-c", MAPS, "map", str(path), *options]
+        environment = os.environ | {"OPENBLAS_CORETYPE": kernel}
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
+        assert done.returncode in (0, MustCheckError.exit_code), done.stdout + done.stderr
+        used.append(done.stdout.splitlines()[0])
+        rows.append(unpacked(FolderCache(tmp_path / kernel).latest("A", "solved") or b"", RowMap))
+    if used[0] == used[1]:
+        pytest.skip(f"NumPy chooses no kernels: {used[0]}")
+    pairs = [*zip(*(row.structures["shelves"] for row in rows), strict=True)]
+    assert [one.id for one, _ in pairs] == [other.id for _, other in pairs]
+    for one, other in pairs:
+        sigmas = np.sqrt(np.diagonal(one.covariances, axis1=1, axis2=2))
+        assert (np.abs(other.vertices - one.vertices) <= 0.01 * sigmas).all(), one.id
+        assert np.sqrt(np.diagonal(other.covariances, axis1=1, axis2=2)) == pytest.approx(sigmas, rel=0.01)
 
 
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
