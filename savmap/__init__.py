@@ -10,6 +10,12 @@ and docs/writing-plugins.md.
 """
 
 import os
+import sys
+
+if sys.argv[:1] == ["-m"] and "-m savmap" in " ".join(sys.orig_argv) and not sys.flags.safe_path:
+    del sys.path[0]  # `python -m` puts the working folder there, whose `copy.py` would be taken for Python's own
+    os.environ["PYTHONSAFEPATH"] = "1"
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
@@ -31,6 +31,7 @@ Shown = Callable[[Any, Callable[[], float]], Monitor]
 used."""
 ADDRESS = re.compile(r"\w+://\S+:\d+")
 CONNECT_S = 15
+SAFE_PATH = "PYTHONSAFEPATH"
 
 
 class WorkerCrashedError(Exception):
@@ -133,19 +134,21 @@ class _Worker:
     def _open(self) -> None:
         context = multiprocessing.get_context("spawn")
         received, self._sent = context.Pipe(duplex=False)
-        self._pool = ProcessPoolExecutor(1, context, _begin, (self._sent, self.timeout_s))
+        with working_folder_off_path():
+            self._pool = ProcessPoolExecutor(1, context, _begin, (self._sent, self.timeout_s))
         self._shower = threading.Thread(target=_show, args=(received, self.shown), name="savmap-progress", daemon=True)
         self._shower.start()
 
     def submit(self, key: Hashable, task: Task) -> "Future[Any]":
         """Have a task done."""
         function, arguments = task
-        try:
-            return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
-        except BrokenProcessPool:
-            self.close()
-            self._open()
-            return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
+        with working_folder_off_path():
+            try:
+                return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
+            except BrokenProcessPool:
+                self.close()
+                self._open()
+                return self._pool.submit(_call, key, self.shown is not None, function, *arguments)
 
     def close(self) -> None:
         self._pool.shutdown(wait=True, cancel_futures=True)
@@ -185,6 +188,20 @@ def _begin(events: Connection, timeout_s: float) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     limit_hooks(timeout_s)
     end_with_parent()
+
+
+@contextmanager
+def working_folder_off_path() -> Iterator[None]:
+    """Python processes that are started meanwhile run no module of the working folder, as the `copy.py` of a user."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def end_with_parent() -> None:
@@ -253,7 +270,7 @@ def _show(received: Connection, shown: Shown | None) -> None:
 
 class DaskExecutor:
     """A Dask scheduler's workers (extra `cluster`), which do what processes of this machine would do, and give the same
-    bytes. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`.
+    bytes where processors and BLAS kernels are equal. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`.
 
     Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or
     a URL.

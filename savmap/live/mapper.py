@@ -22,7 +22,7 @@ from savmap.errors import SavmapError, SiteError, StructureError, format_error
 from savmap.files.journal import Journal, Parts
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.cache import FolderCache
-from savmap.jobs.executors import end_if_left, end_with_parent
+from savmap.jobs.executors import end_if_left, end_with_parent, working_folder_off_path
 from savmap.jobs.map_site import MAP, made_by
 from savmap.jobs.tasks import request_for
 from savmap.maps.map_file import write_map
@@ -125,12 +125,13 @@ class Mapper:
             name="savmap-live",
             daemon=True,
         )
-        resource_tracker.ensure_running()  # beginning it would take the mask away
-        waiting = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            self._process.start()  # it inherits the mask: ctrl-C is left to this process
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, waiting)
+        with working_folder_off_path():
+            resource_tracker.ensure_running()  # beginning it would take the mask away
+            waiting = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
+                self._process.start()  # it inherits the mask: ctrl-C is left to this process
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, waiting)
         line.close()
         self.is_busy = False
 

@@ -48,7 +48,7 @@ def read_model(path: Path, options: ImportOptions, labels: Mapping[str, str]) ->
 
 def _run(path: Path, folder: Path) -> None:
     """Have another process read the model in a folder. Raises OutputError where it takes too long."""
-    command = [sys.executable, "-m", "savmap.maps.imports.model_reader", str(folder)]
+    command = [sys.executable, "-P", "-m", "savmap.maps.imports.model_reader", str(folder)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     quiet = subprocess.DEVNULL
     try:
