@@ -18,6 +18,16 @@ MOST_NAME, MOST_PATH = 255, 3000
 """Bytes of a file's name, and of a path, which may follow that of a folder: no system takes more than 4096."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+SPACES = " '\u00a0\u2007\u2009\u202f\u2019"
+"""What parts groups of three digits, beside the comma and the point: in France, in Switzerland, by ISO 80000."""
+READINGS = {
+    decimal: re.compile(
+        rf"[+-]?(?=[{decimal}]?\d)(\d+|[1-9]\d{{0,2}}([{SPACES}{group}])\d{{3}}(?:\2\d{{3}})*)?([{decimal}]\d*)?(e[+-]?\d{{1,3}})?",
+        re.IGNORECASE,
+    )
+    for decimal, group in (".,", ",.")
+}
+"""Numbers whose decimals follow a point, and a comma."""
 SURROGATES = re.compile("[\ud800-\udfff]")
 
 
@@ -72,6 +82,13 @@ def json_of(text: str) -> object:
     return content
 
 
+def readings(text: str) -> dict[str, float]:
+    """What a number means by the sign before its decimals, "." or ",", of those that it can be written with; digits may
+    stand in groups. "1,234" may be 1234 or 1.234, "1,234.5" is one number, "1,23,4" none."""
+    plain = {decimal: re.sub(f"[^{decimal}0-9e+-]", "", text.lower()).replace(",", ".") for decimal in READINGS}
+    return {decimal: float(plain[decimal]) for decimal, form in READINGS.items() if form.fullmatch(text)}
+
+
 def json_visible(text: str) -> str:
     """A JSON text whose characters that do something to a terminal stand as JSON's escapes, and halves of characters as
     replacement characters, and URLs without their secrets; line ends between values stay."""
@@ -102,6 +119,6 @@ def _refuse(name: str) -> NoReturn:
 def fault_of_path(text: str) -> str:
     """What is wrong with a path that no file can have; nothing where one may."""
     if any(ord(letter) < ord(" ") or letter == "\x7f" for letter in text) or SURROGATES.search(text):
-        return "holds a control character or half a character"
+        return "holds a control character (a backslash in double quotation marks may make one) or half a character"
     longest = max(len(part.encode()) for part in text.split("/"))
     return "is too long" if longest > MOST_NAME or len(text.encode()) > MOST_PATH else ""

@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ValidationError
 from pydantic.fields import FieldInfo
 
 from savmap.errors import OutputError, SiteError
+from savmap.files.texts import readings
 from savmap.files.yaml_text import Location as Location
 from savmap.files.yaml_text import space_needed, unspaced
 
@@ -23,7 +24,6 @@ SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
 SHORT.maxlevel = 2
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
-COMMA = re.compile(r"\s*([+-]?\d+),(\d+)\s*")
 CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
 SECTION = "a section with keys is expected"
 KINDS = {
@@ -169,8 +169,9 @@ def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
     if isinstance(given, str) and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
         return space_needed(*parts)
     if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
-        if comma := COMMA.fullmatch(given):
-            return f"a decimal point is expected: {comma[1]}.{comma[2]}"
+        if numbers := readings(given.strip()):
+            written = " or ".join(dict.fromkeys(f"{numbers[sign]:.12g}" for sign in (",", ".") if sign in numbers))
+            return f"a decimal point is expected: {written}"
         if clock := CLOCK.fullmatch(given):
             seconds = 3600 * int(clock[1] or 0) + 60 * int(clock[2]) + float(clock[3])
             return f"a plain number is expected: write {seconds:.12g}"

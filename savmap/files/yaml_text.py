@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -27,9 +28,13 @@ COLONS = ("could not find expected ':'", "mapping values are not allowed here")
 """What the parser says of keys whose colon no space follows: of them and of the next line."""
 NO_TOKEN = "cannot start any token"
 """What the parser says of a tab, with which YAML does not indent, and of some other characters, such as a backquote."""
+ESCAPED = re.compile("[A-Za-z]:[\x00-\x1f\x7f-\xa0\u2028\u2029]")
+"""A path of Windows whose first backslash was taken for the beginning of an escape sequence."""
+NO_ESCAPE = "in double quotation marks a backslash and what follows it are one character: write paths in single ones"
 TAGS = "tag:yaml.org,2002:"
 VALUES = {f"{TAGS}{kind}" for kind in ("int", "float", "bool", "null")}
 TEXTS = {f"{TAGS}{kind}" for kind in ("str", "timestamp", "value", "merge")}
+WHOLE = re.compile(r"[-+]?\d+,\d+")
 NUMBER = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?")
 UNSPACED = re.compile(
     r"\s*(?:- +)*(?P<key>[^\s:\uff1a#'\"{}\[\],]+)(?: *\uff1a\s*(?P<wide>.*)|:(?!//|\\)(?P<value>[^\s:].*))"
@@ -139,6 +144,11 @@ class _Reader:
         raise _error(f"values of the kind {node.tag} are not read", node)
 
     def _sequence(self, node: SequenceNode, location: Location) -> list[Any]:
+        whole = [(one, two) for one, two in pairwise(node.value) if WHOLE.fullmatch(f"{one.value},{two.value}")]
+        near = [pair for pair in whole if pair[1].start_mark.index == pair[0].end_mark.index + 1]
+        if 0 < len(near) < len(whole):
+            one, two = (part.value for part in near[0])
+            raise _error(f"{one},{two} are two numbers: write {one}.{two}, or a space behind the comma", near[0][0])
         for number, value in enumerate(node.value):
             self.document.lines.setdefault((*location, number), value.start_mark.line + 1)
         return [self.value(value, (*location, number)) for number, value in enumerate(node.value)]
@@ -186,6 +196,8 @@ class _Reader:
 def _require_whole(node: ScalarNode) -> None:
     if SURROGATES.search(node.value):
         raise _error("a text holds half a character", node)
+    if node.style == '"' and ESCAPED.match(node.value):
+        raise _error(NO_ESCAPE, node)
 
 
 def _error(problem: str, node: Node) -> YamlError:
@@ -202,6 +214,8 @@ def _explained(error: YAMLError, text: str) -> YamlError:
         for number, line in enumerate(text.split("\n")[: mark.line + 1]):
             if number >= first and (parts := unspaced(line)):
                 return YamlError(space_needed(*parts), number + 1)
+    if "escape" in problem:
+        problem = NO_ESCAPE
     if NO_TOKEN in problem:
         problem = f"{problem}; if it is a tab, put spaces in its place"
     return YamlError(" ".join(str(problem).split())[:300], None if mark is None else mark.line + 1)

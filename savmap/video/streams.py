@@ -1,6 +1,7 @@
 """Footage that is still being made: a folder that grows, a camera or an address that FFmpeg opens, which is recorded as
 it comes, and panoramas that another program hands over."""
 
+import logging
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -31,6 +32,9 @@ DEVICES = {"/dev/video": "v4l2", "avfoundation:": "avfoundation"}
 CLUSTER = {"cluster_time_limit": "1000", "flush_packets": "1"}
 """A second of footage at most is lost where a recording is cut off."""
 MILLISECOND = Fraction(1, 1000)
+USUAL_RATE = 25
+"""Pictures a second of a stream that says none: FFmpeg's own."""
+log = logging.getLogger("savmap")
 BEST_QUALITY = 2
 """Of MJPEG's quantisers."""
 
@@ -115,7 +119,7 @@ def _camera_pictures(address: str, recording: Path) -> Source:
 def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "StreamCopy") -> Source:
     """Pictures with their times. The last packet of a source may be cut off, and whether a decoder with several threads
     calls its picture damaged changes from run to run: it is not recorded."""
-    reformatter, first_s = VideoReformatter(), None
+    reformatter, first_s, clock = VideoReformatter(), None, _Clock(stream)
     packets = source.demux(stream)
     latest: av.Packet[VideoStream] | None = None
     while True:
@@ -125,6 +129,7 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
             raise VideoError(f"{address}: the source is lost ({_why(error, READING_S)})") from error
         if packet is None:
             return
+        clock.mend(packet)
         frames: list[VideoFrame] = []
         with suppress(av.error.InvalidDataError):
             frames = [frame for frame in packet.decode() if isinstance(frame, VideoFrame)]
@@ -136,6 +141,32 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
             if frame.time is not None:
                 first_s = frame.time if first_s is None else first_s
                 yield frame.time - first_s, partial(picture_of, frame, reformatter)
+
+
+class _Clock:
+    """Mends the times of packets that have none, or whose times do not go on: each then comes after the one before by
+    the time that it took to come, or by a frame's time where that is more, and those that follow go on from there."""
+
+    def __init__(self, stream: VideoStream) -> None:
+        self.tick = stream.time_base or MILLISECOND
+        self.frame = max(round(1 / (stream.average_rate or USUAL_RATE) / self.tick), 1)
+        self.shift, self.came_s, self.said = 0, 0.0, False
+        self.last: int | None = None
+
+    def mend(self, packet: "av.Packet[VideoStream]") -> None:
+        """Set a packet's times."""
+        if not packet.size:
+            return
+        now_s, given = time.monotonic(), packet.pts if packet.dts is None else packet.dts
+        if given is None or (self.last is not None and not 0 < given + self.shift - self.last <= READING_S / self.tick):
+            waited = 0 if self.last is None else max(round((now_s - self.came_s) / self.tick), self.frame)
+            self.shift = (self.last or 0) + waited - (given or 0)
+            if not self.said:
+                log.warning("the camera's times are missing, stand still or jump: pictures count from when they came")
+            self.said = True
+        packet.pts = self.shift + (packet.pts or given or 0)
+        packet.dts = self.last = self.shift + (given or 0)
+        self.came_s = now_s
 
 
 def _why(error: Exception, waited_s: float = 0.0) -> str:

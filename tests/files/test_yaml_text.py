@@ -51,6 +51,12 @@ def test_values_are_those_of_yaml_1_2() -> None:
     ]  # fmt: skip
 
 
+def test_lists_of_whole_numbers_may_lack_spaces() -> None:
+    assert load("[[0,3], [1,2,3], [10, 20], [1.5,2, 3], ['0,3', '0,2']]") == [
+        [0, 3], [1, 2, 3], [10, 20], [1.5, 2, 3], ["0,3", "0,2"],
+    ]  # fmt: skip
+
+
 def test_merges_fill_in_what_is_not_there() -> None:
     assert load("a: &a {b: 1, c: 2}\nd: &d {c: 3, e: 4}\nf: {<<: [*a, *d], e: 5}")["f"] == {"b": 1, "c": 2, "e": 5}
 

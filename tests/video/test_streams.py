@@ -2,8 +2,12 @@
 
 import threading
 import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -66,6 +70,67 @@ def test_camera_is_recorded_as_it_comes(tmp_path: Path) -> None:
         same = min(came, key=lambda other: abs(other.stamp_s - item.stamp_s))
         assert item.stamp_s == pytest.approx(same.stamp_s, abs=2e-3)
         assert np.array_equal(item.image, same.image)
+
+
+class Odd:
+    """A camera whose packets have other times than its own."""
+
+    def __init__(self, source: Any, times: Callable[[int], int | None]) -> None:
+        self.source, self.times = source, times
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.source, name)
+
+    def __enter__(self) -> "Odd":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.source.close()
+
+    def demux(self, stream: Any) -> Iterator[Any]:
+        for number, packet in enumerate(packet for packet in self.source.demux(stream) if packet.size):
+            packet.pts = packet.dts = self.times(number)
+            yield packet
+
+
+FRAME = 600
+"""A frame's time in ticks of the video."""
+TIMES: dict[str, Callable[[int], int | None]] = {
+    "stand still": lambda number: 7,
+    "step back": lambda number: FRAME * (number if number < 10 else number - 10),
+    "step back again and again": lambda number: FRAME * (number % 3),
+    "jump ahead": lambda number: FRAME * number + (0 if number < 10 else 10**9),
+    "missing": lambda number: None,
+    "missing now and then": lambda number: FRAME * number if number % 2 else None,
+}
+
+
+@pytest.mark.parametrize("times", TIMES)
+def test_camera_with_odd_times_is_recorded_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, times: str
+) -> None:
+    video = write_video(tmp_path / "a.mp4", evenly(20, 25), options={"g": "10", "bf": "0"})
+    opened = av.open
+
+    def camera(file: str, mode: str = "r", *given: Any, **options: Any) -> Any:
+        made = opened(file, mode, *given, **options)
+        return Odd(made, TIMES[times]) if file == str(video) else made
+
+    monkeypatch.setattr("savmap.video.streams.av.open", camera)
+    came = list(camera_frames(str(video), tmp_path / "recording.mkv", 30.0))
+    monkeypatch.undo()
+    assert len(came) == 20
+    assert all(a.stamp_s < b.stamp_s < a.stamp_s + 5 for a, b in pairwise(came))
+    assert len(list(panoramas(Clip(tmp_path / "recording.mkv", fps=30)))) == 19
+    assert [record.message for record in caplog.records] == [
+        "the camera's times are missing, stand still or jump: pictures count from when they came"
+    ]
+
+
+def test_camera_without_times_is_recorded_whole(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "a.h264", evenly(20, 25), options={"g": "10", "bf": "0"})
+    assert len(list(camera_frames(str(video), tmp_path / "recording.mkv", 30.0))) == 20
+    assert len(list(panoramas(Clip(tmp_path / "recording.mkv", fps=30)))) == 19
 
 
 def test_camera_that_cannot_be_opened(tmp_path: Path) -> None:

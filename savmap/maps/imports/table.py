@@ -9,7 +9,7 @@ label "upright").
 import csv
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from savmap.errors import OutputError
+from savmap.files.texts import READINGS, readings
 from savmap.maps.imports.records import (
     FRAMES,
     MOST_POINTS,
@@ -49,8 +50,6 @@ IN_ROW: Mapping[str, tuple[str, ...]] = {"x": ("x", "along"), "y": ("y", *HEIGHT
 """The same of the axes, in the world's frame, whose z points up, and in those of rows and sites, whose y does."""
 AXES = ("x", "y", "z")
 WITH_UNIT = re.compile(r"(?P<name>.*?)(?:[\s_/,-]+(?:in\s+)?|\s*(?=[\[(]))[\[(]?(?P<unit>[a-z]{1,2})[\])]?", re.DOTALL)
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
-GROUPING = re.compile("[ '\u00a0\u2009\u202f\u2019]")
 NUMBERED = re.compile(r"^(?P<label>.*?)[\s_.#-]*\d+$", re.DOTALL)
 DELIMITERS = ";\t,"
 FORMULA = re.compile(r"^'(?=\s*[=+\-@])")
@@ -80,19 +79,19 @@ class Columns:
 
 def read_table(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> list[SurveyElement]:
     """The elements of a table. `labels`: those of the plugins, by themselves in lower case. Raises OutputError."""
-    lines = _lines(path)
+    lines, delimiter = _lines(path)
     if not lines:
         raise OutputError(f"{path}: holds no table")
     columns, begins = _columns(path, lines[0].cells, options)
     points = [line for line in lines[begins:] if any(columns.text(line, axis) for axis in AXES)]
     if not points:
         raise OutputError(f"{path}: holds no points")
-    places = _places(path, points, columns)
+    places = _places(path, points, columns, delimiter)
     return _elements(path, points, places, columns, options, labels)
 
 
-def _lines(path: Path) -> list[Line]:
-    """The lines that hold anything, of which notes (#) do not. Raises OutputError."""
+def _lines(path: Path) -> tuple[list[Line], str]:
+    """The lines that hold anything, of which notes (#) do not, and what parts their cells. Raises OutputError."""
     text = _text(path)
     first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
     delimiter = max(DELIMITERS, key=lambda letter: (first.count(letter), -DELIMITERS.index(letter)))
@@ -106,7 +105,7 @@ def _lines(path: Path) -> list[Line]:
                 raise OutputError(f"{path}: holds more than {MOST_POINTS} lines, which is the most that is read")
     except csv.Error as error:
         raise OutputError(f"{path}: is not a table (line {table.line_num}: {error})") from error
-    return lines
+    return lines, delimiter
 
 
 def _text(path: Path) -> str:
@@ -142,9 +141,7 @@ def _columns(path: Path, header: Sequence[str], options: ImportOptions) -> tuple
     units = {axis: named[places[axis]][1] for axis in AXES if axis in places}
     unit = options.unit or next(filter(None, units.values()), "m")
     metres = {axis: UNITS[options.unit or units.get(axis) or unit] for axis in AXES}
-    headless = all(
-        NUMBER.fullmatch(GROUPING.sub("", header[places[axis]].strip()).replace(",", ".")) for axis in needed
-    )
+    headless = all(readings(header[places[axis]].strip()) for axis in needed)
     return Columns(places, metres), 0 if headless else 1
 
 
@@ -167,35 +164,41 @@ def _chosen(path: Path, meaning: str, wanted: str, header: Sequence[str]) -> int
     raise OutputError(f"{path}: has no column {listed([wanted])} (--columns {meaning}); there are {listed(header)}")
 
 
-def _places(path: Path, points: Sequence[Line], columns: Columns) -> Floats:
+def _places(path: Path, points: Sequence[Line], columns: Columns, delimiter: str) -> Floats:
     """Positions (n, 3) m of the lines' points; along an axis that the table does not have, 0."""
-    cells = [[GROUPING.sub("", columns.text(line, axis)) for axis in AXES] for line in points]
-    comma = _comma_is_decimal(path, [cell for line in cells for cell in line])
+    axes = [axis for axis in AXES if axis in columns.places]
+    cells = {(line.number, axis): columns.text(line, axis) for line in points for axis in axes}
+    in_mm = any(columns.metres[axis] == UNITS["mm"] for axis in axes)
+    sign = _decimal_sign(path, cells.values(), in_mm, delimiter)
     values = np.zeros((len(points), 3))
     for k, line in enumerate(points):
-        for column, axis in enumerate(AXES):
-            if axis in columns.places:
-                values[k, column] = _number(path, line, axis, cells[k][column], comma) * columns.metres[axis]
+        for axis in axes:
+            cell = cells[line.number, axis]
+            value = readings(cell).get(sign, np.nan)
+            if not np.isfinite(value):
+                said = listed([cell]) if cell else "empty"
+                raise OutputError(f"{path}: line {line.number}: {axis} is {said}, not a number")
+            values[k, AXES.index(axis)] = value * columns.metres[axis]
     return values
 
 
-def _comma_is_decimal(path: Path, cells: Sequence[str]) -> bool:
-    """Whether decimals follow a comma: in a number with both signs, the last one is that of decimals; else there is but
-    one."""
-    both = next((cell for cell in cells if "." in cell and "," in cell), None)
-    if both is not None:
-        return both.rindex(",") > both.rindex(".")
-    commas = any("," in cell for cell in cells)
-    if commas and any("." in cell for cell in cells):
+def _decimal_sign(path: Path, cells: Collection[str], in_mm: bool, delimiter: str) -> str:
+    """What decimals follow, the point or the comma: what is so in numbers that can be read in one way only. Where all
+    can be read in two, such as 1,234, it is the point, or the comma where cells are parted by semicolons, as
+    spreadsheets then do. Raises OutputError where nothing tells: nobody writes thousandths of a millimetre either."""
+    options = {cell: readings(cell) for cell in cells}
+    certain = {sign for values in options.values() if len(values) == 1 for sign in values}
+    doubtful = [cell for cell, values in options.items() if len(set(values.values())) == 2]
+    signs = certain or {sign for sign in READINGS for cell in doubtful if sign in cell}
+    if len(signs) == 2:
         raise OutputError(f"{path}: decimals follow a comma in some numbers, and a point in others")
-    return commas
-
-
-def _number(path: Path, line: Line, axis: str, cell: str, comma: bool) -> float:
-    digits = cell.replace(".", "").replace(",", ".") if comma else cell.replace(",", "")
-    if not NUMBER.fullmatch(digits) or not np.isfinite(value := float(digits)):
-        raise OutputError(f"{path}: line {line.number}: {axis} is {listed([cell]) if cell else 'empty'}, not a number")
-    return value
+    sign = next(iter(signs), ".")
+    if not certain and doubtful and (in_mm or (sign == "," and delimiter != ";")):
+        meanings = " or ".join(f"{value:.12g}" for value in options[doubtful[0]].values())
+        raise OutputError(
+            f"{path}: {doubtful[0]} may be {meanings}: write digits without groups, decimals with a point"
+        )
+    return sign
 
 
 def _elements(

@@ -1,5 +1,6 @@
 """Tables of points as total stations and spreadsheets write them."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -39,6 +40,54 @@ def test_one_element_however_it_is_written(tmp_path: Path, text: str) -> None:
         (one,) = read(tmp_path, text.encode(coding))
         assert (one.structure.id, one.structure.label, one.frame) == ("p1", "post", "row")
         assert one.structure.vertices == pytest.approx(np.array([[1.5, 2.5, -3], [1.6, 2.5, -3]]))
+
+
+NARROW = "\u202f"
+CULTURES = {
+    "en": ('"1,234.5"', '"-12,345"', ","),
+    "en, millions": ("1234.5", '"-12,345"', "\t"),
+    "de": ("1.234,5", "-12.345", ";"),
+    "fr": (f"1{NARROW}234,5", f"-12{NARROW}345", ";"),
+    "fr, spaces": ("1 234,5", "-12\u00a0345", ";"),
+    "ch": ("1'234.5", "-12'345", ";"),
+    "ch, typeset": ("1\u2019234.5", "-12\u2019345", ","),
+}
+
+
+@pytest.mark.parametrize("culture", CULTURES)
+def test_numbers_are_read_as_each_culture_writes_them(tmp_path: Path, culture: str) -> None:
+    x, y, part = CULTURES[culture]
+    text = "\n".join(part.join(cells) for cells in (("code", "x", "y"), ("post 1", x, y)))
+    (one,) = read(tmp_path, text)
+    assert one.structure.vertices.tolist() == [[1234.5, -12345, 0]]
+
+
+@pytest.mark.parametrize(
+    ("cells", "part", "unit", "expected"),
+    [
+        (("1.234", "2.345"), ",", "m", [1.234, 2.345]),
+        (("1,234", "2,345"), ";", "m", [1.234, 2.345]),
+        (("1,234", "0,345"), "\t", "m", [1.234, 0.345]),
+        (("1,234,567", "2,345"), "\t", "m", [1234567, 2345]),
+        (("1,234", "2,345"), "\t", "m", "1,234 may be 1234 or 1.234: write digits without groups"),
+        (("1,234", "2,345"), ";", "mm", "1,234 may be 1234 or 1.234"),
+        (("1.234", "2.345"), ",", "mm", "1.234 may be 1.234 or 1234"),
+        (("1,234", "2.345"), ";", "m", "decimals follow a comma in some numbers, and a point in others"),
+        (("1,23,4", "2"), ";", "m", "x is 1,23,4, not a number"),
+        (("12 34", "2"), ";", "m", "x is 12 34, not a number"),
+        (("1.2.3", "2"), ";", "m", "x is 1.2.3, not a number"),
+    ],
+)
+def test_nothing_is_taken_for_a_thousandth(
+    tmp_path: Path, cells: tuple[str, str], part: str, unit: str, expected: list[float] | str
+) -> None:
+    text = part.join(("code", f"x_{unit}", f"y_{unit}")) + "\n" + part.join(("post 1", *cells))
+    if isinstance(expected, str):
+        with pytest.raises(OutputError, match=re.escape(expected)):
+            read(tmp_path, text)
+    else:
+        (one,) = read(tmp_path, text)
+        assert one.structure.vertices.tolist() == [[*expected, 0]]
 
 
 def test_a_total_stations_list_needs_no_header(tmp_path: Path) -> None:
