@@ -19,7 +19,7 @@ import yaml
 
 import savmap
 from bench.baseline import Figures
-from bench.dark_pictures import LABELLED, dark_row, dark_scene
+from bench.dark_pictures import LABELLED, dark_row
 from bench.rows import ROWS, only_one_row
 from bench.seeds import SETS, seeds
 from savmap.files.atomic import write_text
@@ -33,6 +33,7 @@ from savmap.lab.train.measure import score_file
 from savmap.lab.train.plan import float_model
 from savmap.plugin.manager import load_class
 from savmap.report.evaluation import as_json
+from savmap_shelves.lab.looks import dark_scene
 
 PLUGIN = "shelves"
 

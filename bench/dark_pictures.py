@@ -12,47 +12,20 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from bench.baseline import Figures
 from savmap.lab.label.formats import LabelledPicture, write_set
 from savmap.lab.label.polygons import outlines
 from savmap.lab.sim.dataset import samples, write
 from savmap.lab.sim.random_row import random_row
-from savmap.lab.sim.random_scene import random_scene
-from savmap.lab.sim.scene.files import Scene, parse_scene
+from savmap.lab.sim.scene.files import Scene
+from savmap_shelves.lab.looks import dark_scene, darkened
 
 LABELLED = ("upright", "beam")
-
-
-def dark_scene(seed: int) -> Scene:
-    """The random scene of a seed with its racks thin and galvanised, and everything dark."""
-    return darkened(random_scene(seed), seed)
 
 
 def dark_row(seed: int, frames: int) -> Scene:
     """The random row of a seed in the same style, with the drive past it."""
     return darkened(random_row(seed, frames), seed)
-
-
-def darkened(scene: Scene, seed: int) -> Scene:
-    """A scene with its racks thin and galvanised, and everything dark."""
-    rng = np.random.default_rng([seed, 5])
-
-    def grey(low: float, high: float) -> list[float]:
-        return [float(rng.uniform(low, high))] * 3
-
-    content = scene.model_dump(mode="json")
-    for rack in content["structures"]["shelves"]["rows"].values():
-        steel = grey(0.05, 0.12)
-        rack |= {f"{part}_color": steel for part in ("upright", "beam", "rear", "deck")}
-        rack |= {"deck": "wire", "metallic": 0.7, "roughness": 0.3}
-        rack |= {"upright_texture": "scratches", "beam_texture": "scratches"}
-        rack |= {"upright_width": float(rng.uniform(0.035, 0.05)), "beam_height": float(rng.uniform(0.04, 0.06))}
-    content["hall"] |= {f"{part}_color": grey(0.03, 0.09) for part in ("floor", "wall", "ceiling", "steel")}
-    content["goods"]["colors"] = [grey(0.03, 0.15) for _ in range(4)]
-    content["look"] |= {"ambient": 0.03, "exposure": float(rng.uniform(0.25, 0.5)), "noise": 0.03, "contrast": 1.2}
-    return parse_scene(content, f"dark scene {seed}")
 
 
 def labelled(seed: int, count: int) -> Iterator[LabelledPicture]:

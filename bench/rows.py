@@ -34,7 +34,6 @@ from threadpoolctl import threadpool_limits
 
 import savmap
 from bench.baseline import Figures
-from bench.dark_pictures import darkened
 from bench.seeds import SETS, is_test, seeds
 from savmap.errors import SavmapError
 from savmap.files.journal import Journal
@@ -55,6 +54,7 @@ from savmap_shelves import find
 from savmap_shelves.face_model import FaceReader
 from savmap_shelves.find import face_reader
 from savmap_shelves.lab.fit import LaidSurvey
+from savmap_shelves.lab.looks import darkened, greyed
 from savmap_shelves.likelihood import fitted
 
 FAMILIES = ("rows", "grey rows", "dark rows", "long rows", "interrupted rows")
@@ -286,19 +286,6 @@ def lengthened(scene: Scene, times: int) -> Scene:
 def _length(rack: Mapping[str, Any]) -> float:
     """m."""
     return float(sum(bay["width"] for bay in rack["bays"]))
-
-
-def greyed(scene: Scene, seed: int) -> Scene:
-    """The scene with its racks' beams and decks in one grey, under light that comes from everywhere."""
-    rng = np.random.default_rng([seed, 9])
-    content = scene.model_dump(mode="json")
-    for rack in content["structures"]["shelves"]["rows"].values():
-        grey = float(rng.uniform(0.3, 0.6))
-        post = grey if rng.random() < 0.5 else float(rng.uniform(0.1, 0.7))
-        rack |= {"beam_color": [grey] * 3, "deck_color": [grey * float(rng.uniform(0.93, 1.07))] * 3, "deck": "steel"}
-        rack |= {"upright_color": [post] * 3, "beam_texture": "plain", "metallic": 0.0, "labels": 0.0}
-    content["look"] |= {"ambient": 0.6, "contrast": 0.9}
-    return parse_scene(content, f"grey row {seed}")
 
 
 def interrupted(scene: Scene, gap: float) -> Scene:

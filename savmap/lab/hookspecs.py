@@ -6,6 +6,8 @@ name, so that mapping never imports it. The class is made without arguments; all
 - `furnishes: bool`: whether it is asked for every random place (`random_section`), not only where it is named.
 - `network_classes: tuple[str, ...]`: all classes of the plugin's network, where training teaches more than the plugin
   needs.
+- `practice_kinds: Mapping[str, Kind]`: kinds of made-up pictures to train the network on
+  (`savmap.lab.train.made.pictures`), by name.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,9 @@
 """What installed plugins have for the laboratory: their classes of the entry-point group `savmap.lab`, behind typed
 calls."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from savmap.errors import PluginError
 from savmap.lab import hookspecs
@@ -31,6 +33,12 @@ class LabPlugin(HookCaller):
     def network_classes(self) -> tuple[str, ...]:
         """The classes that the plugin's network is trained for; none where they are those that the plugin needs."""
         return tuple(getattr(self.instance, "network_classes", ()))
+
+    @property
+    def practice_kinds(self) -> Mapping[str, Any]:
+        """The kinds of made-up pictures that the plugin's network is trained on (`savmap.lab.train.made.pictures.Kind`)
+        by name; none where they are painted ones and views of random places."""
+        return dict(getattr(self.instance, "practice_kinds", {}))
 
 
 def lab_plugin(name: str) -> LabPlugin | None:

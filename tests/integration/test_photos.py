@@ -290,3 +290,13 @@ def test_no_photograph_is_in_two_lists() -> None:
     assert len({entry["repository"] for entry in dev}) >= 10
     assert not {e["repository"] for e in unseen} & {e["repository"] for e in [*dev, *trained]}
     assert not {e["sha256"] for e in dev} & {e["sha256"] for e in trained}
+
+
+def test_a_teacher_completes_labels_where_they_say_nothing() -> None:
+    from bench.photo_tiles import completed
+
+    mask = np.array([[0, 1, 1, 255, 255, 2]], np.uint8)
+    maps = np.full((5, 1, 6), 0.025, np.float32)
+    for place, value, sure in ((0, 2, 0.9), (1, 3, 0.5), (2, 1, 0.5), (3, 4, 0.9), (4, 4, 0.5), (5, 0, 0.9)):
+        maps[value, 0, place] = sure
+    assert completed(mask, maps).tolist() == [[0, 3, 1, 4, 255, 2]]

@@ -184,7 +184,7 @@ def series_options(parser: argparse.ArgumentParser, arguments: Sequence[str] | N
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of random scenes")
-    parser.add_argument("--kind", choices=("row", "face", "ceiling", "floor", "mixed"), default="mixed")
+    parser.add_argument("--kind", choices=("row", "face", "close", "ceiling", "floor", "mixed"), default="mixed")
     parser.add_argument("--classes", help="the classes to label, in the masks' order; default: the plugins'")
     parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
     options = series_options(parser, arguments)

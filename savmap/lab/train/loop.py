@@ -27,7 +27,7 @@ from savmap.lab.train.export import export, load_onnx
 from savmap.lab.train.measure import measure
 from savmap.lab.train.network import SegmentationNetwork, build
 from savmap.lab.train.plan import Progress, TrainedNetwork, TrainingPlan, warning_of
-from savmap.lab.train.trainer import Hyperparameters, Trainer, predictor, threads_beside
+from savmap.lab.train.trainer import Hyperparameters, Trainer, learning_rate_factor, predictor, threads_beside
 
 LEAST_STEPS = 2
 
@@ -61,7 +61,7 @@ def fit(
                 validate()
             if done == 1.0 and state.steps >= LEAST_STEPS:
                 break
-            loss = trainer.step(batch, done)
+            loss = trainer.step(batch, learning_rate_factor(done, trainer.settings.warm_up))
             state.steps += 1
             state.loss = loss if state.steps == 1 else 0.98 * state.loss + 0.02 * loss
             progress(done, f"step {state.steps}, loss {state.loss:.4f}")

@@ -171,9 +171,8 @@ class Trainer:
         self.average.updates = state["updates"]
         self._optimizer.load_state_dict(state["optimizer"])
 
-    def step(self, batch: Batch, done: float) -> float:
-        """One update when the share `done` of the budget is spent; returns the loss."""
-        factor = learning_rate_factor(done, self.settings.warm_up)
+    def step(self, batch: Batch, factor: float) -> float:
+        """One update at this share, 0..1, of the largest rate; returns the loss."""
         for group in self._optimizer.param_groups:
             group["lr"] = group["most"] * factor
         images, labels = (tensor.to(self.device) for tensor in as_tensors(batch))

@@ -42,11 +42,12 @@ def test_known_points_get_the_face_the_distance_and_the_label() -> None:
     assert caster.labels(hits, ("beam",)).tolist() == [0, 1, 0, 0]
 
 
-def test_flanks_are_background() -> None:
+def test_flanks_are_background_or_a_class_of_their_own() -> None:
     caster = Caster(boxes())
     hits = caster.cast(np.array([2.0, 1.0, -0.1]), np.array([[-1.0, 0.0, 0.0]]))
     assert FACES[hits.face[0]] == "+x"
     assert caster.labels(hits, CLASSES).tolist() == [0]
+    assert caster.labels(hits, (*CLASSES, "upright_side")).tolist() == [3]
 
 
 def test_every_face_of_a_turned_box_is_named_in_its_own_axes() -> None:

@@ -12,7 +12,9 @@ from savmap.lab.train.data.augment import (
     VARIATIONS,
     BatchSource,
     Crop,
+    alike,
     augment,
+    dim,
     prefetched,
     random_homography,
     recolour,
@@ -128,3 +130,25 @@ def test_a_run_that_goes_on_sees_the_batches_that_were_to_come() -> None:
     third = list(islice(prefetched(first), 3))[2]
     assert all(np.array_equal(a, b) for a, b in zip(third, next(prefetched(later)), strict=True))
     assert not np.array_equal(third[0], first.batch(0)[0])
+
+
+def test_members_take_the_colour_of_what_is_beside_them() -> None:
+    image, mask = bars(np.random.default_rng(0))
+    start = image.astype(np.float32) / 255
+    changed = alike(np.random.default_rng(0), start, mask)
+    beside = np.zeros_like(mask)
+    beside[300:400, 95:100] = beside[300:400, 110:115] = 1
+    middle = (slice(300, 400), slice(103, 107))
+
+    def differs(picture: np.ndarray) -> float:
+        return float(np.abs(picture[middle].mean(axis=(0, 1)) - picture[beside == 1].mean(axis=0)).max())
+
+    assert differs(changed) < 0.6 * differs(start)
+    assert np.array_equal(changed[mask == 0][:1000], start[mask == 0][:1000])
+
+
+def test_little_light_is_noisy() -> None:
+    start = np.full((64, 64, 3), 0.5, np.float32)
+    dark = dim(np.random.default_rng(1), start)
+    assert 0.07 < dark.mean() < 0.25
+    assert 0.009 < dark.std() < 0.05

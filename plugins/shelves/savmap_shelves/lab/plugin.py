@@ -1,5 +1,8 @@
 """Racks in the laboratory: for the simulator, for random places, and painted pictures to train on."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,13 @@ class ShelvesLab:
 
     scene = staticmethod(hookimpl(scene))
     random_section = staticmethod(hookimpl(random_section))
+
+    @property
+    def practice_kinds(self) -> Mapping[str, Any]:
+        """Painted racks, and faces of random places in several looks."""
+        from savmap_shelves.lab.practice import KINDS  # the painter and the renderer; only where pictures are made
+
+        return KINDS
 
     @hookimpl
     def practice_picture(self, seed: int, index: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:

@@ -13,7 +13,7 @@ from savmap.lab.sim.drive.cart import world_from_level
 from savmap.lab.sim.scene.build import Built, face_size, mapped_rows, row_fronts
 from savmap.types import Floats
 
-Kind = Literal["row", "face", "ceiling", "floor"]
+Kind = Literal["row", "face", "close", "ceiling", "floor"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +34,15 @@ def view_rays(width: int, height: int, hfov_deg: float, offset: tuple[float, flo
 def sample_camera(built: Built, rng: np.random.Generator, kind: Kind = "row") -> CameraSample:
     """A random camera in the aisle between the mapped rows, as a panorama's row-facing or ceiling-facing views are.
 
-    Views of the kind "face" look straight at it, and hold its height as mapping's views do; those of the kind "floor"
+    Views of the kind "face" look straight at it, and hold its height as mapping's views do; those of the kind
+    "close" look at a part of it, 0.6 to 1.3 m away, often steeply, through an ordinary lens; those of the kind "floor"
     look down. Raises SceneError for a scene without a mapped row.
     """
     name = mapped_rows(built)[int(rng.integers(len(mapped_rows(built))))]
     frame, (length, top) = built.frames[name], face_size(built, name)
     aisle = built.aisle_z[1] - built.aisle_z[0]
-    away = float(rng.uniform(0.8, max(0.9, min(3.0, aisle - 0.4))))
+    nearest, farthest = (0.6, 1.3) if kind == "close" else (0.8, max(0.9, min(3.0, aisle - 0.4)))
+    away = float(rng.uniform(nearest, farthest))
     height = float(rng.uniform(1.0, max(1.1, min(4.5, top + 0.3, built.scene.hall.height - 0.8))))
     origin = frame.to_world(np.array([rng.uniform(-0.5, length + 0.5), height, away]))
     turn, hfov_deg = _turn(rng, kind) if kind != "face" else _fitted(rng, np.array([-height, top - height]) / away)
@@ -57,6 +59,9 @@ def sought_labels(built: Built, kind: Kind) -> set[str]:
 
 
 def _turn(rng: np.random.Generator, kind: Kind) -> tuple[Floats, float]:
+    if kind == "close":
+        yaw, pitch, roll = rng.uniform([-30, -50, -8], [30, 40, 8])
+        return rig_from_view(float(yaw), float(pitch), float(roll)), float(rng.uniform(60, 100))
     if kind == "floor":
         return _floor_turn(rng), float(rng.uniform(85, 120))
     turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_row_turn(rng), 155)

@@ -121,9 +121,11 @@ class Caster(TriangleCaster):
         )
 
     def labels(self, hits: Hits, classes: Sequence[str]) -> NDArray[np.uint8]:
-        """The class of every hit: 0 for the background, k for classes[k - 1]."""
+        """The class of every hit: 0 for the background, k for classes[k - 1]. Where `NAME_side` is one of them, it is
+        that of the other faces of a box with a face of the class NAME."""
         table = np.zeros((len(self.boxes) + 1, len(FACES)), dtype=np.uint8)
         for index, box in enumerate(self.boxes):
-            for face, name in box.face_labels.items():
+            sides = {face: f"{name}_side" for name in box.face_labels.values() for face in FACES}
+            for face, name in {**sides, **box.face_labels}.items():
                 table[index, FACES.index(face)] = classes.index(name) + 1 if name in classes else 0
         return table[hits.box, hits.face]

@@ -201,6 +201,21 @@ def stickers(rng: Generator, image: Image) -> Image:
     return result
 
 
+def dim(rng: Generator, image: Image) -> Image:
+    """A sixth to a half of the light, and the noise of a camera that makes up for it."""
+    dark = image * np.float32(rng.uniform(0.15, 0.5))
+    return dark + rng.standard_normal(image.shape, np.float32) * np.float32(rng.uniform(0.01, 0.04))
+
+
+def alike(rng: Generator, image: Image, mask: Bytes) -> Image:
+    """Members take most of the colour of what is beside them: grey before grey, white on white."""
+    share = ((mask > 0) & (mask != IGNORE)).astype(np.float32)[:, :, None]
+    near = [cv2.blur(np.dstack([image * part, part]), (61, 61)) for part in (share, 1 - share)]
+    (inside, outside) = (blurred[..., :3] / np.maximum(blurred[..., 3:], 0.02) for blurred in near)
+    soft = cv2.blur(share, (3, 3))[:, :, None]
+    return np.asarray(image + soft * (outside - inside) * np.float32(rng.uniform(0.5, 1.0)), np.float32)
+
+
 def compressed(rng: Generator, image: Bytes) -> Bytes:
     """JPEG at a random quality."""
     quality = int(rng.integers(25, 96))
@@ -220,17 +235,19 @@ class Variation:
     recolour: float
     changes: tuple[tuple[float, Change], ...]
     jpeg: float
+    alike: float = 0.0
 
     def chances(self) -> dict[str, float]:
         """By name."""
         return {
             "recolour": self.recolour,
             "jpeg": self.jpeg,
+            "alike": self.alike,
             **{change.__name__: chance for chance, change in self.changes},
         }
 
 
-ANY_PLACE, ONE_SITE = "any place", "one site"
+ANY_PLACE, HARDER, ONE_SITE = "any place", "harder", "one site"
 VARIATIONS = {
     ANY_PLACE: Variation(
         0.5,
@@ -244,6 +261,21 @@ VARIATIONS = {
             (0.6, noisy),
         ),
         0.6,
+    ),
+    HARDER: Variation(
+        0.4,
+        (
+            (0.25, stickers),
+            (0.5, uneven_lighting),
+            (0.5, colour),
+            (0.7, tone),
+            (0.12, dim),
+            (0.5, blurred),
+            (0.2, sharpened),
+            (0.5, noisy),
+        ),
+        0.5,
+        0.15,
     ),
     ONE_SITE: Variation(
         0.1,
@@ -259,7 +291,8 @@ VARIATIONS = {
         0.4,
     ),
 }
-"""What a network that is to be used anywhere is shown, and one for a site that is painted alike throughout."""
+"""What a network that is to be used anywhere is shown; the same with weak contrast and little light more often; and
+what one is shown for a site that is painted alike throughout."""
 
 
 def augment(
@@ -270,6 +303,8 @@ def augment(
     varied, labels = warp(image, mask, crop_from_image, crop, classes)
     if rng.random() < variation.recolour:
         varied = recolour(rng, varied, labels, classes)
+    if rng.random() < variation.alike:
+        varied = alike(rng, varied, labels)
     for chance, change in variation.changes:
         if rng.random() < chance:
             varied = change(rng, np.clip(varied, 0, 1))

@@ -1,2 +1,1 @@
-"""Training from nothing on pictures that are made meanwhile, for machines with a graphics card: `python -m
-savmap.lab.train.made`."""
+"""Training that never ends on pictures that are made meanwhile: `python -m savmap.lab.train.made`."""

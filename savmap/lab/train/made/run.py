@@ -1,236 +1,245 @@
-"""One network, from nothing or a checkpoint to ONNX files, within a budget of seconds."""
+"""A plugin's network trained on until it is killed, and what it is worth along the way."""
 
-import copy
+import fcntl
+import io
 import json
+import multiprocessing
+import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from savmap.lab.train.data.augment import Crop
-from savmap.lab.train.data.dataset import SIDE
-from savmap.lab.train.data.sets import read_sets
-from savmap.lab.train.export import export, set_metadata
-from savmap.lab.train.made import measure
-from savmap.lab.train.made.learn import Learner
-from savmap.lab.train.made.network import TwoScaleNetwork, exported, start
-from savmap.lab.train.made.pool import Pool, acceptance
-from savmap.lab.train.made.streams import PAINTED, Stream
-from savmap.lab.train.made.vary import Variety, homographies, varied, warped
+from savmap.errors import OutputError
+from savmap.files.atomic import write_bytes
+from savmap.lab.plugins import lab_plugin
+from savmap.lab.train.checkpoint import BROKEN, Recipe
+from savmap.lab.train.data.augment import HARDER, VARIATIONS, Batch, Bytes, augment
+from savmap.lab.train.data.dataset import SIDE, Sample
+from savmap.lab.train.data.sets import read_set
+from savmap.lab.train.export import export, load_onnx
+from savmap.lab.train.made.pictures import HELD_OUT, Kind, make, practice_kinds
+from savmap.lab.train.measure import measure
+from savmap.lab.train.network import build
 from savmap.lab.train.quantise import write_quantised
+from savmap.lab.train.trainer import Hyperparameters, Trainer, predictor
+from savmap.plugin.manager import load_class
 
-DATA = "data"
-SAVED_EVERY_S = 60.0
-SAID_EVERY_S = 10.0
-TAKEN_A_STEP = 200
-Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Budget:
-    """When to end: seconds on the clock `time.monotonic` or steps, whichever comes first; and sizes of what is held and
-    of a batch."""
-
-    until: float
-    steps: int | None = None
-    batch: int = 64
-    capacity: int = 30_000
-    at_least: int = 300
-    crop: Crop = field(default_factory=lambda: Crop(512, 384))
+SETTINGS = Hyperparameters(
+    batch=8,
+    encoder_rate=1e-4,
+    decoder_rate=5e-4,
+    average_decay=0.9995,
+    frozen_statistics=True,
+    variation=HARDER,
+)
+"""A constant rate of half of that with which a network is trained on for minutes; the average is over 16,000 crops."""
+WARM_UP_STEPS = 500
+DATA_SHARE = 0.2
+SAID_EVERY_S, SAVED_EVERY_S = 60.0, 600.0
+LEAST_PICTURES = 100
+CHECKPOINT, DECAYED, LOG = "checkpoint.pt", "decayed", "train.log"
 
 
-@dataclass(frozen=True)
-class Task:
-    """A plugin's network, its classes, the kinds of made-up pictures with their shares, data sets of labelled pictures
-    with theirs together, sets that only measure, and what to begin with."""
+@dataclass
+class State:
+    """How far a training is: steps, crops, seconds spent on them; the steps after which its rate falls and is nothing,
+    if it does; and the recipes of what it began with."""
 
     plugin: str
-    classes: tuple[str, ...]
-    kinds: Mapping[str, float]
-    data: Sequence[Path] = ()
-    held_out: Sequence[Path] = ()
-    data_share: float = 0.3
-    begin: Path | None = None
-
-
-def accepted_rows(classes: Sequence[str], kinds: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-    """Where members' sides are not told from their fronts or from the background, sides may be seen: of photographs the
-    labels hold whole members, so that a front is better and a side right by half."""
-    rows = {}
-    for kind in kinds:
-        table = np.eye(len(classes) + 1, dtype=np.float32)
-        for name in classes:
-            side = f"{name}{SIDE}"
-            if side in classes:
-                at = classes.index(side) + 1
-                if kind == DATA:
-                    table[classes.index(name) + 1, at] = 0.5
-                elif kind != PAINTED:
-                    table[0, at] = 1
-        rows[kind] = table
-    return rows
-
-
-class Training:
-    """A task under way."""
-
-    def __init__(
-        self, task: Task, budget: Budget, device: torch.device, published: Mapping[str, Any] | None, say: Say
-    ) -> None:
-        self.task, self.budget, self.device, self.say = task, budget, device, say
-        self.learner = Learner(start(len(task.classes), published), device)
-        if task.begin is not None:
-            self.learner.restore(torch.load(task.begin, map_location=device, weights_only=True))
-        self.pool = Pool(budget.capacity, [DATA, *task.kinds], device)
-        self.held: dict[str, measure.HeldOut] = {}
-        self.rows = accepted_rows(task.classes, [DATA, *task.kinds])
-        self.rng = np.random.default_rng(0)
-        self.steps = 0
-        self._read()
-
-    def _read(self) -> None:
-        samples = [sample for dataset in read_sets(self.task.data, self.task.classes) for sample in dataset.samples]
-        sizes: dict[str, int] = {}
-        for sample in samples:
-            sizes[sample.group] = sizes.get(sample.group, 0) + 1
-        for sample in samples:
-            self.pool.add(DATA, [sample.load()], sizes[sample.group] ** -0.5, keep=True)
-        for dataset in read_sets(self.task.held_out, self.task.classes):
-            for sample in dataset.samples:
-                self.held.setdefault(DATA, measure.HeldOut()).add(*sample.load())
+    classes: Sequence[str]
+    history: Sequence[Recipe]
+    steps: int = 0
+    crops: int = 0
+    spent_s: float = 0.0
+    falls_from: int | None = None
+    ends_at: int | None = None
 
     @property
-    def shares(self) -> dict[str, float]:
-        """Of the kinds in a batch."""
-        total = sum(self.task.kinds.values())
-        made = {kind: (1 - self.task.data_share) * share / total for kind, share in self.task.kinds.items()}
-        return {DATA: self.task.data_share, **made}
+    def rate(self) -> float:
+        """Of the largest rate, 0..1."""
+        if self.falls_from is not None and self.ends_at is not None:
+            return max(0.0, (self.ends_at - self.steps) / (self.ends_at - self.falls_from))
+        return min(1.0, (1 + self.steps) / WARM_UP_STEPS)
 
-    def collect(self, stream: Stream, wait_s: float = 0.0) -> None:
-        """Take over what workers have made."""
-        for _ in range(TAKEN_A_STEP if not wait_s else 20):
-            made = stream.take(wait_s)
-            if made is None:
-                return
-            if made.held_out:
-                self.held.setdefault(made.kind, measure.HeldOut()).add(*made.sample)
-            else:
-                self.pool.add(made.kind, [made.sample])
 
-    def step(self, done: float) -> torch.Tensor:
-        """One batch."""
-        crop, classes = self.budget.crop, len(self.task.classes)
-        images, masks, kinds = self.pool.draw(self.budget.batch, self.shares, self.rng)
-        with torch.no_grad():
-            places = homographies(len(kinds), crop, images.shape[3], images.shape[2], self.rng).to(self.device)
-            crops, labels = warped(images, masks, places, crop, classes)
-            seen = varied(crops, labels, classes, Variety())
-        accepted = acceptance(kinds, self.rows, classes, self.device)
-        self.steps += 1
-        return self.learner.step(seen, labels, accepted, done)
+class Pictures:
+    """The pictures in a training's folder by kind, as many as there are now."""
 
-    def fit(self, stream: Stream, save: Callable[[], None]) -> None:
-        """Train until the budget is spent."""
-        before = self.pool.added
-        while self.pool.added < before + self.budget.at_least:
-            self.collect(stream, 1.0)
-        began = said = saved = time.monotonic()
-        while True:
-            now = time.monotonic()
-            done = min(1.0, (now - began) / max(self.budget.until - began, 1e-3))
-            if self.budget.steps is not None:
-                done = max(done, self.steps / self.budget.steps)
-            if done >= 1.0:
-                return
-            self.collect(stream)
-            loss = self.step(done)
-            if now - said > SAID_EVERY_S or self.steps < 3:
-                rate = self.steps / max(time.monotonic() - began, 1e-3)
-                self.say(
-                    f"step {self.steps}, {done:.0%}, loss {float(loss):.4f}, {rate:.2f} steps/s, "
-                    f"pictures {self.pool.counts()}"
-                )
-                said = now
+    def __init__(self, folder: Path, kinds: Mapping[str, Kind], classes: Sequence[str]) -> None:
+        self.folder, self.kinds, self.classes = folder, kinds, classes
+        self.sets: dict[str, Sequence[Sample]] = {}
+        self.shares: dict[str, float] = {}
+
+    def look(self) -> None:
+        """See what is there: kinds that are not there yet give their share to the others."""
+        made = {name: self.folder / "pictures" / name for name in self.kinds}
+        data = {str(path): path for path in sorted((self.folder / "data").glob("*")) if path.is_dir()}
+        there = {name: path for name, path in made.items() if any((path / "images").glob("*.jpg"))}
+        self.sets = {name: read_set(path, self.classes).samples for name, path in {**there, **data}.items()}
+        total = sum(self.kinds[name].share for name in made if name in self.sets)
+        for name, samples in self.sets.items():
+            share = DATA_SHARE * len(samples) / sum(len(self.sets[other]) for other in data) if name in data else 0.0
+            self.shares[name] = share or (1 - DATA_SHARE * bool(data)) * self.kinds[name].share / total
+
+    def held_out(self) -> dict[str, Sequence[Sample]]:
+        """Kinds and pictures that only measure; none until all are made."""
+        folders = {name: self.folder / "pictures" / HELD_OUT / name for name in self.kinds if self.kinds[name].held_out}
+        counts = {name: len(list((folder / "images").glob("*.jpg"))) for name, folder in folders.items()}
+        if any(count < self.kinds[name].held_out for name, count in counts.items()):
+            return {}
+        return {name: read_set(folder, self.classes).samples for name, folder in folders.items()}
+
+    def batch(self, number: int) -> Batch:
+        """The batch of a number, of what is there now."""
+        rng, crops = np.random.default_rng(number), list[tuple[Bytes, Bytes]]()
+        chances = np.array([self.shares[name] for name in self.sets])
+        while len(crops) < SETTINGS.batch:
+            samples = self.sets[str(rng.choice([*self.sets], p=chances / chances.sum()))]
+            try:
+                image, mask = samples[int(rng.integers(len(samples)))].load()
+            except OutputError:  # another picture has taken its place meanwhile
+                continue
+            crops.append(augment(rng, image, mask, SETTINGS.crop, len(self.classes), VARIATIONS[SETTINGS.variation]))
+        return np.stack([image for image, _ in crops]), np.stack([mask for _, mask in crops])
+
+
+def save(file: Path, state: State, trainer: Trainer) -> None:
+    """Write all that `restored` needs to go on, whole or not at all. Raises OutputError."""
+    content = io.BytesIO()
+    torch.save({"state": json.dumps(asdict(state)), "trainer": trainer.state()}, content)
+    write_bytes(file, content.getvalue())
+
+
+def restored(file: Path) -> tuple[State, Trainer]:
+    """The state and the network of a checkpoint. Raises OutputError."""
+    try:
+        content: dict[str, Any] = torch.load(file, map_location="cpu", weights_only=True)
+        state = State(**json.loads(content["state"]))
+        trainer = Trainer(build(len(state.classes), None), SETTINGS)
+        trainer.restore(content["trainer"])
+    except BROKEN as error:
+        raise OutputError(f"{file}: is no checkpoint of this training; begin with --init FILE.onnx") from error
+    return state, trainer
+
+
+def begun(plugin: str, init: Path) -> tuple[State, Trainer]:
+    """A training that begins with an ONNX file. Raises ModelError, PluginError."""
+    lab = lab_plugin(plugin)
+    classes = (lab.network_classes if lab is not None else ()) or load_class(plugin).classes
+    network, history = load_onnx(init, classes)
+    return State(plugin, list(classes), history), Trainer(network, SETTINGS)
+
+
+def say(folder: Path, text: str) -> None:
+    """Print a line, and add it to the folder's log."""
+    line = f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S}  {text}"
+    print(line, flush=True)
+    with (folder / LOG).open("a", encoding="utf-8") as log:
+        log.write(f"{line}\n")
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Hold a folder, so that no two trainings write into it. Raises OutputError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(f"{folder}: a training runs there; end it first, or choose another -o") from None
+        yield
+
+
+def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
+    """Train until killed, or until the rate has fallen to nothing; then write the network. Raises OutputError."""
+    crops = multiprocessing.get_context("spawn").Value("q", 0)
+    what = (state.plugin, state.classes, folder / "pictures", crops)
+    maker = multiprocessing.get_context("spawn").Process(target=make, args=what, daemon=True)
+    maker.start()
+    kinds = practice_kinds(state.plugin, state.classes)
+    pictures = Pictures(folder, kinds, state.classes)
+    while sum(map(len, pictures.sets.values())) < LEAST_PICTURES:
+        time.sleep(1.0)
+        pictures.look()
+    said = saved = time.monotonic()
+    cpu, before, losses, measured = time.process_time(), replace(state), list[float](), False
+    say(folder, f"going on after {state.crops} crops")
+    while state.ends_at is None or state.steps < state.ends_at:
+        began = time.monotonic()
+        images, labels = pictures.batch(state.steps)
+        losses.append(trainer.step((images, labels), state.rate))
+        state.steps, state.crops = state.steps + 1, state.crops + len(images)
+        state.spent_s += (now := time.monotonic()) - began
+        crops.value += len(images)
+        if now - said > SAID_EVERY_S:
+            new, used = state.crops - before.crops, time.process_time() - cpu
+            rates = f"{new / (now - said):.2f} crops/s, {new / used:.2f} a processor second"
+            say(folder, f"{state.crops:9d} crops  {rates}, loss {np.mean(losses):.4f}")
+            pictures.look()
+            if not maker.is_alive():
+                say(folder, "no process makes pictures any more; those that are there are used")
+            if not measured or now - saved > SAVED_EVERY_S:
+                measured = report(state, trainer, pictures) or measured
             if now - saved > SAVED_EVERY_S:
-                save()
-                saved = now
-
-    def scores(self) -> tuple[dict[str, dict[str, float]], dict[str, tuple[torch.Tensor, torch.Tensor]]]:
-        """IoU of the averaged network by kind, and pixels to calibrate by."""
-        ious, pixels = {}, {}
-        for kind, held in self.held.items():
-            logits = held.logits(self.learner.average, self.device)
-            ious[kind] = measure.ious(logits, held.masks, self.rows[kind], self.task.classes) | {
-                "pictures": len(logits)
-            }
-            pixels[kind] = measure.pixels(logits, held.masks, self.rows[kind])
-        return ious, pixels
+                save(file, state, trainer)
+                saved = time.monotonic()
+            said, cpu, before, losses = time.monotonic(), time.process_time(), replace(state), []
+    save(file, state, trainer)
+    report(state, trainer, pictures)
+    written(folder / f"{DECAYED}.onnx", state, trainer, pictures)
 
 
-@dataclass(frozen=True, eq=False)
-class Held:
-    """A picture in memory, as quantisation reads it."""
-
-    image: NDArray[np.uint8]
-    mask: NDArray[np.uint8]
-
-    def load(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-        return self.image, self.mask
+def written(output: Path, state: State, trainer: Trainer, pictures: Pictures) -> None:
+    """Write the averaged network, in float32 and 8-bit integers. Raises OutputError."""
+    recipe = {"steps": state.steps, "crops": state.crops, "minutes": state.spent_s / 60, "settings": asdict(SETTINGS)}
+    recipe |= {"augmentation": VARIATIONS[SETTINGS.variation].chances(), "kinds": pictures.shares}
+    export(trainer.average.network, state.classes, {**recipe, "earlier": state.history}, output)
+    write_quantised(output, [s for some in pictures.sets.values() for s in some], output.with_suffix(".int8.onnx"))
+    say(output.parent, f"{output} and its 8-bit version are written")
 
 
-def some_pictures(training: Training, count: int = 48) -> list[Held]:
-    """Pictures that were trained on, for the ranges of activations."""
-    images, masks, _ = training.pool.draw(count, training.shares, training.rng)
-    pairs = zip(images.permute(0, 2, 3, 1).cpu().numpy(), masks.cpu().numpy(), strict=True)
-    return [Held(np.ascontiguousarray(image), mask) for image, mask in pairs]
+def report(state: State, trainer: Trainer, pictures: Pictures) -> bool:
+    """Say what the averaged network makes of each kind that is held out: intersection over union and edges' spread of
+    the classes that are needed; whether there is any."""
+    names = [name for name in state.classes if not name.endswith(SIDE)]
+    kinds = pictures.held_out()
+    for kind, samples in kinds.items():
+        scores = measure(predictor(trainer.average.network), samples, state.classes)
+        figures = (
+            f"{name} IoU {scores[name].get('iou', np.nan):.3f} spread {scores[name].get('spread_px', np.nan):.2f} px"
+            for name in names
+        )
+        say(pictures.folder, f"{state.crops:9d} crops  {kind}: {', '.join(figures)}")
+    return bool(kinds)
 
 
-def calibrated(training: Training) -> tuple[TwoScaleNetwork, dict[str, object], str]:
-    """The averaged network with its temperature folded in, what is known of it, and its calibration (JSON)."""
-    ious, pixels = training.scores()
-    least = min(len(labels) for _, labels in pixels.values())
-    steps = {kind: max(1, len(labels) // least) for kind, (_, labels) in pixels.items()}
-    divided_by = measure.temperature(
-        torch.cat([pixels[kind][0][::step] for kind, step in steps.items()]),
-        torch.cat([pixels[kind][1][::step] for kind, step in steps.items()]),
-    )
-    network = copy.deepcopy(training.learner.average).cpu()
-    with torch.no_grad():
-        for part in network.logits.parameters():
-            part /= divided_by
-    training.say(f"{training.task.plugin}: {json.dumps(ious)}, temperature {divided_by:.3f}")
-    about = {"steps": training.steps, "made": training.pool.added, "validation": ious, "temperature": divided_by}
-    return network, about, measure.calibration(pixels, training.task.classes, divided_by)
-
-
-def write(
-    weights: Mapping[str, NDArray[np.float32]],
-    classes: Sequence[str],
-    recipe: Mapping[str, object],
-    table: str,
-    pictures: Sequence[Any],
-    output: Path,
-) -> None:
-    """Write `output` (ONNX, float32) and its 8-bit version."""
-    network = TwoScaleNetwork(len(classes))
-    network.load_state_dict({name: torch.from_numpy(np.array(value)) for name, value in weights.items()})
-    export(exported(network), classes, recipe, output)
-    set_metadata(output, {"savmap.calibration": table})
-    write_quantised(output, pictures, output.with_suffix(".int8.onnx"), count=len(pictures))
-
-
-def save_weights(training: Training, path: Path) -> None:
-    """Averaged weights, halved in precision, and the network's, to go on from."""
-    parts = {"average": training.learner.average.state_dict(), "network": training.learner.network.state_dict()}
-    small = {
-        part: {k: v.detach().half().cpu() if v.is_floating_point() else v.cpu() for k, v in state.items()}
-        for part, state in parts.items()
-    }
-    partial = path.with_name(f".{path.name}")
-    torch.save({**small, "updates": training.learner.updates}, partial)
-    partial.replace(path)
+def run(folder: Path, plugin: str | None, init: Path | None, share: float | None) -> None:
+    """Begin a training with an ONNX file, or go on; or let the rate fall over the last `share` of all steps, from the
+    checkpoint, which stays as it is. Raises SavmapError."""
+    os.nice(19)
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    with alone(folder):
+        file = folder / CHECKPOINT
+        if plugin is not None and init is not None:
+            state, trainer = begun(plugin, init)
+            state.history = [*state.history, {"begins with": init.name, "date": datetime.now(UTC).date().isoformat()}]
+            save(file, state, trainer)
+        elif share is None:
+            state, trainer = restored(file)
+        else:
+            file = folder / f"{DECAYED}.pt"
+            state, trainer = restored(file if file.is_file() else folder / CHECKPOINT)
+            if state.falls_from is None:
+                ends_at = round(state.steps / (1 - share))
+                state = replace(state, falls_from=state.steps, ends_at=ends_at)
+        train(folder, file, state, trainer)
+        file.unlink()
