@@ -94,9 +94,9 @@ def test_the_rate_is_constant_and_falls_when_told() -> None:
 
 
 def test_two_trainings_do_not_share_a_folder(tmp_path: Path) -> None:
-    from savmap.lab.train.made.run import alone
+    from savmap.lab.train.made.run import locked
 
-    with alone(tmp_path / "run"), pytest.raises(OutputError, match="a training runs there"), alone(tmp_path / "run"):
+    with locked(tmp_path / "run"), pytest.raises(OutputError, match="a training runs there"), locked(tmp_path / "run"):
         pass
 
 

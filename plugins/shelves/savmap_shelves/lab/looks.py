@@ -78,9 +78,9 @@ def dim_scene(seed: int) -> Scene:
     content = random_scene(seed).model_dump(mode="json")
     for rack in content["structures"]["shelves"]["rows"].values():
         _lower(rack, rng)
-    look: dict[str, Any] = content["look"]
-    look |= {"exposure": look["exposure"] * float(rng.uniform(0.2, 0.5)), "noise": float(rng.uniform(0.015, 0.045))}
-    look["ambient"] = float(rng.uniform(0.02, 0.12))
+    exposure = content["look"]["exposure"] * float(rng.uniform(0.2, 0.5))
+    content["look"] |= {"exposure": exposure, "noise": float(rng.uniform(0.015, 0.045))}
+    content["look"]["ambient"] = float(rng.uniform(0.02, 0.12))
     return parse_scene(content, f"dim scene {seed}")
 
 

@@ -78,16 +78,16 @@ class Pictures:
         self.sets: dict[str, Sequence[Sample]] = {}
         self.shares: dict[str, float] = {}
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """See what is there: kinds that are not there yet give their share to the others."""
         made = {name: self.folder / "pictures" / name for name in self.kinds}
-        data = {str(path): path for path in sorted((self.folder / "data").glob("*")) if path.is_dir()}
-        there = {name: path for name, path in made.items() if any((path / "images").glob("*.jpg"))}
-        self.sets = {name: read_set(path, self.classes).samples for name, path in {**there, **data}.items()}
-        total = sum(self.kinds[name].share for name in made if name in self.sets)
-        for name, samples in self.sets.items():
-            share = DATA_SHARE * len(samples) / sum(len(self.sets[other]) for other in data) if name in data else 0.0
-            self.shares[name] = share or (1 - DATA_SHARE * bool(data)) * self.kinds[name].share / total
+        made = {name: path for name, path in made.items() if any((path / "images").glob("*.jpg"))}
+        data = {str(path): path for path in (self.folder / "data").glob("*") if path.is_dir()}
+        self.sets = {name: read_set(path, self.classes).samples for name, path in {**made, **data}.items()}
+        total = sum(self.kinds[name].share for name in made) / (1 - DATA_SHARE * bool(data))
+        labelled = sum(len(self.sets[name]) for name in data) / DATA_SHARE
+        self.shares = {name: self.kinds[name].share / total for name in made}
+        self.shares |= {name: len(self.sets[name]) / labelled for name in data}
 
     def held_out(self) -> dict[str, Sequence[Sample]]:
         """Kinds and pictures that only measure; none until all are made."""
@@ -147,7 +147,7 @@ def say(folder: Path, text: str) -> None:
 
 
 @contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Iterator[None]:
     """Hold a folder, so that no two trainings write into it. Raises OutputError."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock:
@@ -168,7 +168,7 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
     pictures = Pictures(folder, kinds, state.classes)
     while sum(map(len, pictures.sets.values())) < LEAST_PICTURES:
         time.sleep(1.0)
-        pictures.look()
+        pictures.refresh()
     said = saved = time.monotonic()
     cpu, before, losses, measured = time.process_time(), replace(state), list[float](), False
     say(folder, f"going on after {state.crops} crops")
@@ -183,7 +183,7 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
             new, used = state.crops - before.crops, time.process_time() - cpu
             rates = f"{new / (now - said):.2f} crops/s, {new / used:.2f} a processor second"
             say(folder, f"{state.crops:9d} crops  {rates}, loss {np.mean(losses):.4f}")
-            pictures.look()
+            pictures.refresh()
             if not maker.is_alive():
                 say(folder, "no process makes pictures any more; those that are there are used")
             if not measured or now - saved > SAVED_EVERY_S:
@@ -227,7 +227,7 @@ def run(folder: Path, plugin: str | None, init: Path | None, share: float | None
     os.nice(19)
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    with alone(folder):
+    with locked(folder):
         file = folder / CHECKPOINT
         if plugin is not None and init is not None:
             state, trainer = begun(plugin, init)
