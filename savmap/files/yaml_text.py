@@ -4,6 +4,7 @@ Keys are texts as they are written: an aisle may be called 010 or no. Dates are 
 """
 
 import io
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -16,7 +17,8 @@ from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.representer import SafeRepresenter
 
-from savmap.files.texts import SURROGATES
+from savmap.errors import CONTROLS, SiteError
+from savmap.files.texts import SURROGATES, fault_of_path
 
 Location = tuple[int | str, ...]
 MOST_MB = 2.0
@@ -97,6 +99,14 @@ def dumped(content: Mapping[Any, Any], flow: bool | None = False, width: int = 8
     stream = io.StringIO()
     yaml.dump(content, stream)
     return stream.getvalue().partition("---\n")[2]
+
+
+def path_text(path: str) -> str:
+    """A path as YAML. Raises SiteError for one that no site file can name."""
+    if fault_of_path(path):
+        why = "is too long, or holds a line end, another control character or bytes that are no UTF-8"
+        raise SiteError(f"{path}: no site file can name it, for its path {why}: rename it")
+    return json.dumps(path, ensure_ascii=bool(CONTROLS.search(path)))  # some are line ends to YAML
 
 
 def unspaced(text: str) -> tuple[str, str] | None:

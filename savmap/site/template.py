@@ -12,6 +12,7 @@ from pydantic_core import PydanticUndefined, to_jsonable_python
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
 from savmap.files.texts import bounded_text
+from savmap.files.yaml_text import path_text
 from savmap.plugin.manager import lacking, load_installed
 from savmap.site.schema import TITLE, schema_text
 
@@ -25,7 +26,7 @@ TEMPLATE = Path(__file__).with_name("starter.yaml.jinja")
 def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path, Path]:
     """Write a site file with a row for each video, and the schema beside it; gives the two paths.
 
-    Raises VideoError for a video that cannot be used, OutputError where a file is there already and `force` is not
+    Raises VideoError for a video that cannot be used, SiteError for one whose name cannot be written, OutputError where a file is there already and `force` is not
     given.
     """
     from savmap.video.reader import probe
@@ -36,8 +37,9 @@ def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path
         raise OutputError(f"{path}: is there already; choose another file with -o, or overwrite it with --force")
     if not force and schema.exists() and not _is_ours(schema):
         raise OutputError(f"{schema}: is there already and is not savmap's; choose another folder with -o, or --force")
+    text = starter_text(infos, path.parent)
     write_text(schema, schema_text(load_installed().classes))
-    write_text(path, starter_text(infos, path.parent))
+    write_text(path, text)
     return path, schema
 
 
@@ -58,7 +60,7 @@ def _video_of(info: "VideoInfo", folder: Path) -> tuple[str, Sequence[str]]:
     video = os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve())
     what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
     end_s = int(info.duration_s * 100) / 100
-    return f"{json.dumps(video, ensure_ascii=False)}  # {what}", ("start_s: 0", f"end_s: {end_s:.12g}")
+    return f"{path_text(video)}  # {what}", ("start_s: 0", f"end_s: {end_s:.12g}")
 
 
 def _plugins() -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from savmap.errors import StructureError, VideoError
 from savmap.files.atomic import write_bytes
+from savmap.files.yaml_text import path_text
 from savmap.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps
 from savmap.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.split.passes import find_passes
@@ -56,6 +57,7 @@ def split(
     Raises VideoError for a file that is no panoramic video, StructureError where no pass is found, SiteError and
     OutputError for files that are in the way or cannot be written.
     """
+    path_text(str(recording.absolute()))  # a name that cannot be written is told at once
     if into is None:
         check_new(output)
     if sheet is not None:

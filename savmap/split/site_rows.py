@@ -1,6 +1,5 @@
 """Passes as rows of a site file, for a person to confirm: a new file, or rows added to an existing one."""
 
-import json
 import os
 import re
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from ruamel.yaml.nodes import CollectionNode, MappingNode, Node
 
 from savmap.errors import OutputError, SiteError, visible
 from savmap.files.atomic import read_text, write_text
+from savmap.files.yaml_text import path_text
 from savmap.site.load import load_site
 from savmap.site.model import Pass, Row
 from savmap.split.contact_sheet import clock
@@ -110,7 +110,7 @@ def _rows(passes: Sequence[DetectedPass], video: str, first: int, indent: str) -
             lines += [
                 f"{_name(number, side)}:",
                 "  passes:",
-                f"    - video: {json.dumps(video, ensure_ascii=False)}",
+                f"    - video: {path_text(video)}",
                 f"      start_s: {detected.start_s:.2f}",
                 f"      end_s: {detected.end_s:.2f}",
                 f"      side: {side}",

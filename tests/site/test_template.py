@@ -1,22 +1,26 @@
 """`savmap init`: what it writes is valid, as it stands and with every setting in use, and overwrites nothing."""
 
 import json
+import os
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
-from savmap.errors import OutputError, VideoError
+from savmap.errors import OutputError, SiteError, VideoError
 from savmap.files.yaml_text import load
 from savmap.site.load import load_site
 from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.preflight import settings_problems
 from savmap.site.template import start, starter_text
+from savmap.split import split
 from savmap.video.reader import probe
 
+NO_MAC = pytest.mark.skipif(sys.platform == "darwin", reason="macOS has UTF-8 alone in names")
 EXAMPLE = (Path(__file__).parents[2] / "examples" / "aisle-dev" / "aisle-dev.mp4").resolve()
 
 
@@ -59,7 +63,20 @@ def test_videos_become_rows_with_their_times(tmp_path: Path) -> None:
     assert re.search(r"# \d+x\d+ \w+, \d+ frames a second", text)
 
 
-@pytest.mark.parametrize("name", ["2024-05-01", "12", "1e3", "true", "null", "on", ".inf", "a #b", '"', "..."])
+@pytest.mark.parametrize("name", [pytest.param(b"a\xff.mp4", marks=NO_MAC), b"a\n.mp4", b"a\x1b.mp4"])
+def test_a_name_that_no_site_file_can_hold_is_refused(tmp_path: Path, name: bytes) -> None:
+    video = tmp_path / os.fsdecode(name)
+    video.symlink_to(EXAMPLE)
+    with pytest.raises(SiteError, match=r"no site file can name it, .* bytes that are no UTF-8: rename it$"):
+        start([video], tmp_path / "site.yaml")
+    with pytest.raises(SiteError, match="rename it"):
+        split(video, tmp_path / "site.yaml")
+    assert list(tmp_path.iterdir()) == [video]
+
+
+@pytest.mark.parametrize(
+    "name", ["a\u2028b", "a\u200fb", "2024-05-01", "12", "1e3", "true", "null", "on", ".inf", "a #b", '"', "..."]
+)
 def test_a_folder_of_pictures_may_have_any_name(tmp_path: Path, name: str) -> None:
     video = tmp_path / name
     video.symlink_to(EXAMPLE)
