@@ -2,6 +2,7 @@ import time
 from itertools import islice
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -144,7 +145,8 @@ def test_members_take_the_colour_of_what_is_beside_them() -> None:
         return float(np.abs(picture[middle].mean(axis=(0, 1)) - picture[beside == 1].mean(axis=0)).max())
 
     assert differs(changed) < 0.6 * differs(start)
-    assert np.array_equal(changed[mask == 0][:1000], start[mask == 0][:1000])
+    far = cv2.dilate(mask, np.ones((3, 3), np.uint8)) == 0  # a pixel's border blends
+    assert np.allclose(changed[far], start[far], atol=1e-6)
 
 
 def test_little_light_is_noisy() -> None:
