@@ -10,30 +10,40 @@ from pathlib import Path
 from typing import TypeVar
 
 from savmap.assembly import rows_with_same_face
-from savmap.errors import OutputError, SavmapError, SiteError, VideoError
+from savmap.errors import OutputError, SavmapError, SiteError, StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
-from savmap.jobs.preview import picture_name, preview
+from savmap.jobs.preview import picture_name, write_views
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
+from savmap.pipeline.drive import RowWalk, drive_along, require_path
+from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.path import warnings_held_back
-from savmap.pipeline.row import measure
+from savmap.pipeline.records import RowRequest
+from savmap.pipeline.view_plans import PassPlan, preview_of
+from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins, plugins_for
 from savmap.site.load import notes_on, problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
-from savmap.site.preflight import Footage, settings_problems, with_location
+from savmap.site.preflight import Footage, Question, settings_problems, with_location
 from savmap.types.progress import Monitor
 from savmap.video.clip import missing_s
 from savmap.video.reader import preview_frames, sampling_fps
+from savmap.vision.view_planning import PassPreview
+from savmap.vision.views import Renderer
 
 Item = TypeVar("Item")
 DECODABLE = 0.7
 """The share of a pass up to which key frames must be decodable."""
-FRAMES, WARM = 14, 4
+FRAMES, WARM = 10, 4
+UNCHECKED = (
+    "not checked, for only a map tells: whether each `side` shows the face that was measured, whether lists have a value "
+    "for each part of it, and whether references fit the pictures"
+)
 
 
 class CheckError(SavmapError):
@@ -54,13 +64,18 @@ def check(
     pictures: bool = True,
     earlier: Path | None = None,
 ) -> list[SavmapError]:
-    """The problems of a site file. The monitor gets a note of each as soon as it is found, of pictures that were
-    written, and of what a run will take. Raises SiteError where the file cannot be read."""
-    problems: list[SavmapError] = []
+    """The problems of a site file. The monitor gets a note of each as soon as it is found, of questions, of pictures
+    that were written, and of what a run will take. Raises SiteError where the file cannot be read."""
+    problems, questions = list[SavmapError](), 0
     for finding in _findings(source, plugins, output, overrides, pictures, earlier):
         if isinstance(finding, SavmapError):
             problems.append(finding)
+        questions += isinstance(finding, Question)
         monitor.note(str(finding))
+    if not problems:
+        monitor.note(UNCHECKED)
+        asked = f"; {questions} question{'s' * (questions > 1)} above" if questions else ""
+        monitor.note(f"{source}: no problem found{asked}")
     return problems
 
 
@@ -93,13 +108,15 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     findings = list(preflight.footage(job))
     footage = [finding for finding in findings if isinstance(finding, Footage)]
     yield from (finding for finding in findings if isinstance(finding, SavmapError))
-    yield from (line for _, _, line in rows_with_same_face(job.site.rows))
+    for _, row, line in rows_with_same_face(job.site.rows):
+        yield with_location(SiteError(line), job.places, ("rows", row, "passes"))
     if wrong_settings:
         yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
         return
     networks = list(preflight.networks(job))
     yield from networks
     yield from preflight.references(job)
+    yield from dict.fromkeys(preflight.questions(job))
     yield from preflight.survey(job)
     if not any(isinstance(finding, SavmapError) for finding in networks):
         yield from _previewed(job, footage, pictures)
@@ -108,27 +125,55 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
 def _previewed(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator[SavmapError | str]:
     """What a few pictures of each pass show; then what a run will take."""
     sound: list[Footage] = []
+    plans: Plans = {}
     for part in footage:
-        findings = list(_preview(job, part, pictures))
+        findings = list(_preview(job, part, pictures, plans))
         yield from findings
         sound += [] if any(isinstance(finding, SavmapError) for finding in findings) else [part]
     if sound:
         try:
-            yield from resource_estimate(job, sound).lines()
+            yield from resource_estimate(job, sound, plans).lines()
         except SavmapError as error:
             yield error
 
 
-def _preview(job: Job, part: Footage, pictures: bool) -> Iterator[SavmapError | str]:
+@dataclass(frozen=True, eq=False)
+class PlannedPass:
+    """How a run looks at a pass: the plugins with the networks that see most of it, and their views; the seconds that
+    it took to choose these."""
+
+    request: RowRequest
+    plugins: Sequence[LoadedPlugin]
+    plan: PassPlan
+    seconds: float
+
+    @classmethod
+    def of(cls, job: Job, part: Footage) -> tuple["PlannedPass", PassPreview]:
+        """With the pictures that it was chosen by. Raises SavmapError's kinds."""
+        begin, request = time.perf_counter(), replace(request_for(job, part.row), passes=(part.row_pass,))
+        shown, attitude = preview_of(part.row_pass.clip, Renderer()), request.attitudes.get(part.name)
+        plugins, plan = with_best_networks(part.name, part.row_pass, request.plugins, shown, attitude)
+        return cls(request, plugins, plan, time.perf_counter() - begin), shown
+
+
+Plans = dict[tuple[object, ...], PlannedPass]
+"""A pass of each kind of footage."""
+
+
+def _preview(job: Job, part: Footage, pictures: bool, plans: Plans) -> Iterator[SavmapError | str]:
     """Problems with the pictures of a pass, and a line with where its views are drawn."""
     row_pass = part.row_pass
     remark = f"row {part.row}, {part.name}: {part.frames} frames"
     try:
+        plugins = plugins_for(job, part.row)
+        if plugins and all(plugin.needs_path for plugin in plugins) and job.earlier is None:
+            require_path(part.row, plugins[0], None)
         if pictures:
-            request, path = request_for(job, part.row), job.output / picture_name(part.row, part.name)
-            segmenters, attitude = SegmenterPool(request.plugins), request.attitudes.get(part.name)
-            looked = preview(part.name, row_pass, request.plugins, segmenters, path, attitude)
-            keys, pairs = looked.keys, looked.pairs
+            planned, shown = PlannedPass.of(job, part)
+            plans.setdefault(_kind(job, part), planned)
+            path = job.output / picture_name(part.row, part.name)
+            write_views(path, planned.plan, shown)
+            keys, pairs = shown.keys, shown.pairs
             remark += f", views in {path}"
         else:
             keys, pairs = preview_frames(row_pass.clip)
@@ -200,13 +245,13 @@ class ResourceEstimate:
         yield f"{disk}; at least {self.memory_mb:.0f} MB of memory a worker"
 
 
-def resource_estimate(job: Job, footage: Sequence[Footage]) -> ResourceEstimate:
+def resource_estimate(job: Job, footage: Sequence[Footage], plans: Plans) -> ResourceEstimate:
     """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be measured."""
     rates: dict[tuple[object, ...], Rate] = {}
     for part in footage:
         kind = _kind(job, part)
         if kind not in rates:
-            rates[kind] = _rate(job, part)
+            rates[kind] = _rate(job, part, plans.get(kind) or PlannedPass.of(job, part)[0])
     parts = [(part.frames, rates[_kind(job, part)]) for part in footage]
     frames = sum(count for count, _ in parts)
     solving = _solve_rate(job.output)
@@ -236,24 +281,20 @@ def _kind(job: Job, part: Footage) -> tuple[object, ...]:
     return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.rate, models, extras
 
 
-def _rate(job: Job, part: Footage) -> Rate:
-    """Measure the first frames of a pass as a run does."""
+def _rate(job: Job, part: Footage, planned: PlannedPass) -> Rate:
+    """Measure the first frames of a pass as a run does. Whether they show a row does not matter."""
     probe = ProbeMonitor()
-    begin = time.perf_counter()
-    request = replace(
-        request_for(job, part.row),
-        passes=(part.row_pass,),
-        strips=job.site.orthophotos,
-        stills=job.site.panoramas,
-    )
+    request = replace(planned.request, strips=job.site.orthophotos, stills=job.site.panoramas)
     with warnings_held_back():  # of a few frames, which show a part of the row
-        (measured,) = measure([request], Journal(), probe)
-    if isinstance(measured, SavmapError):
-        raise measured
-    stored = packed(measured.measurements) + packed(measured.strips)
-    ticks = probe.ticks
+        walk = RowWalk((request, planned.plugins, planned.plan), SegmenterPool(planned.plugins), Renderer(), Journal())
+        walk.begin(planned.plan.name, part.row_pass, probe)
+        drive_along(planned.plan.clip, [walk], walk.renderer, probe)
+    if walk.failure and not (isinstance(walk.failure, StructureError) and len(walk.stamps) > 1):
+        raise walk.failure
+    walked, ticks = walk.walked(), probe.ticks
+    stored = packed(walked.measurements) + packed(walked.strips)
     cost = FrameCost.of(ticks[min(WARM, len(ticks) - 2) :])
-    return Rate(ticks[0][0] - begin, cost, len(stored) / (len(ticks) - 1))
+    return Rate(planned.seconds, cost, len(stored) / (len(ticks) - 1))
 
 
 def _solve_rate(output: Path) -> float | None:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.files.atomic import file_name, write_bytes
-from savmap.pipeline.view_plans import plan_pass
+from savmap.pipeline.networks import with_best_networks
+from savmap.pipeline.view_plans import PassPlan, preview_of
 from savmap.plugin.manager import LoadedPlugin
-from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass, pass_names
 from savmap.types import Floats, Panorama, ViewSpec
 from savmap.vision.view_planning import PassPreview
@@ -48,27 +48,17 @@ def previews(
 ) -> Iterator[Path]:
     """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written.
     `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
-    segmenters = SegmenterPool(plugins)
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
-        path = folder / picture_name(row, name)
-        preview(name, row_pass, plugins, segmenters, path, attitudes.get(name))
+        pass_preview, path = preview_of(row_pass.clip, Renderer()), folder / picture_name(row, name)
+        _, plan = with_best_networks(name, row_pass, plugins, pass_preview, attitudes.get(name))
+        write_views(path, plan, pass_preview)
         yield path
 
 
-def preview(
-    name: str,
-    row_pass: Pass,
-    plugins: Sequence[LoadedPlugin],
-    segmenters: SegmenterPool,
-    path: Path,
-    attitude: Floats | None = None,
-) -> PassPreview:
-    """Write the picture of one pass; gives what the views were chosen by. Raises SavmapError's kinds."""
-    renderer = Renderer()
-    aimed, pass_preview = plan_pass(name, row_pass, plugins, segmenters, renderer, attitude)
-    picture = overview(pass_preview.keys, list(dict.fromkeys(aimed.views().values())), renderer)
+def write_views(path: Path, plan: PassPlan, pass_preview: PassPreview) -> None:
+    """Write the picture of one pass."""
+    picture = overview(pass_preview.keys, list(dict.fromkeys(plan.views().values())), pass_preview.renderer)
     write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
-    return pass_preview
 
 
 def picture_name(row: str, name: str) -> str:

@@ -62,6 +62,8 @@ class Plugin(Protocol):
     - `reference_names: tuple[str, ...]`: all names of landmarks and coordinates that references of a site file may use,
       with "#" for each number, such as "pillar # / left". Where all plugins of a run say so, a name that none of them
       has is refused before any work.
+    - `questions(names: Sequence[str]) -> Iterable[str]`: what is more likely wrong than right with its settings, where
+      references use these names; `savmap check` asks it.
     - `Limits: type[BaseModel]`: the limits of its inspection, each with a default; it refuses unknown keys.
     - `ifc_classes: Mapping[str, str]`: by classes of building models, such as "IfcColumn", the label that elements of
       this class have where a survey is imported.

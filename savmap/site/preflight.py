@@ -34,6 +34,9 @@ from savmap.video.clip import VideoInfo, time_range, too_few
 from savmap.video.reader import check_camera, expected_frames, probe
 from savmap.vision.markers import MarkerTracker
 
+HIGH_M = 6.0
+"""Above it hardly a camera is carried or driven: a height in feet is."""
+
 
 def settings_problems(site: Site, plugins: Sequence[str], places: SourceMap) -> Iterator[SavmapError]:
     """What is wrong with the plugins that are named, and with their settings for all rows and for each; each once."""
@@ -81,6 +84,10 @@ def _scale_settings(config: Mapping[str, Any], plugin: str) -> bool:
     """Whether any of a plugin's `scale_settings`, or any setting where it does not name them, is given."""
     named = getattr(load_class(plugin), "scale_settings", config)
     return any(config.get(key) is not None for key in named)
+
+
+class Question(str):
+    """What may be meant, and is more likely wrong."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +176,23 @@ def earlier_map(job: Job) -> Iterator[SavmapError]:
 def _is_within(file: Path, folder: Path) -> bool:
     """Whether a file lies in a folder, which need not be there."""
     return not is_url(file) and not is_url(folder) and file.resolve().parent == folder.resolve()
+
+
+def questions(job: Job) -> Iterator[Question]:
+    """What may be wrong with references and settings."""
+    for row in job.site.rows:
+        given = job.site.row_references(row)
+        if given.camera_height_m and given.camera_height_m.value > HIGH_M:
+            feet, place = given.camera_height_m.value, job.places.of(_of_reference(job, row, ("camera_height_m",)))
+            yield Question(f"{place}: is the camera {feet:.2f} m high? {feet:.2f} feet are {0.3048 * feet:.2f} m")
+        names = [
+            *(name for length in given.lengths for name in length.between),
+            *(point.vertex for point in given.points),
+        ]
+        for plugin in plugins_for(job, row):
+            place = job.places.of(("rows", row, "plugins", plugin.name))
+            asked = getattr(plugin.instance, "questions", lambda names: ())
+            yield from (Question(f"{place}: row {row}: {text}") for text in asked(names))
 
 
 def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:

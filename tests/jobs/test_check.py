@@ -1,28 +1,31 @@
 """`savmap check`: every problem is told with its place, and what a run will take is measured."""
 
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from savmap.errors import ModelError, SavmapError
-from savmap.files.journal import Journal
+from savmap import demo
+from savmap.errors import ModelError, PluginError, SavmapError, StructureError
 from savmap.jobs import check as checking
 from savmap.jobs.check import FRAMES, CheckError, ResourceEstimate, check, duration, resource_estimate
 from savmap.maps.run_record import RowRun, RunLog, write_log
-from savmap.pipeline.records import MeasuredRow, RowMeasurements, RowRequest
+from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.view_plans import PassPlan
+from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import job_for
+from savmap.site.model import Pass
 from savmap.site.preflight import require_ready
-from savmap.types import FrameTable, Panorama, RowFacts, ViewPlan, ViewSpec
+from savmap.types import Panorama, ViewPlan, ViewSpec
 from savmap.types.progress import Monitor, NoteCollector
 from savmap.video.clip import Clip, DecodeReport
 from savmap.video.reader import panoramas
-from savmap.vision.markers import MarkerTracks
 from savmap.vision.view_planning import PassPreview
+from savmap.vision.views import Renderer
 
 from ..video.made_up_video import evenly, write_recording, write_video
 from ..video.spherical_boxes import insert, stereo
@@ -52,7 +55,7 @@ def folder(tmp_path: Path, video: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     (tmp_path / "a.mp4").symlink_to(video)
     (tmp_path / "text.mp4").write_text("not a video", encoding="utf-8")
     (tmp_path / "survey.json").write_text(SURVEY, encoding="utf-8")
-    monkeypatch.setattr(checking, "resource_estimate", lambda job, footage: NEEDS)
+    monkeypatch.setattr(checking, "resource_estimate", lambda job, footage, plans: NEEDS)
     return tmp_path
 
 
@@ -139,6 +142,13 @@ def test_nothing_wrong(folder: Path) -> None:
         ),
         ("plugins:", "survey: none.json\nplugins:", 9, "site.yaml:1: none.json: cannot be read"),
         (
+            "shelves: {}",
+            "shelves: {lowest_beam_bottom_height_m: [0.3, 0.2], bay_pitch_m: [2.7, 2.7, 2.7]}",
+            3,
+            "site.yaml:2: `plugins.shelves`: `lowest_beam_bottom_height_m` and `bay_pitch_m` have one value a bay, not 2",
+        ),
+        ("shelves: {}", "lights: {}", 7, "site.yaml:8: row A: `lights` alone does not locate the camera"),
+        (
             "plugins:",
             "survey: survey.json\nplugins:",
             3,
@@ -190,12 +200,30 @@ layout: {aisle_m: 3, rack_m: 2, length_m: 9, rows: [A, B, X]}
 
 
 def test_the_same_face_under_two_names_is_checked(folder: Path) -> None:
+    """One line a pair; whether a row with a side is the face that one without is aimed at, only a map tells."""
+    more = "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}, {video: a.mp4, side: left, fps: 8}]}\n"
+    lines, code = checked(folder, GOOD + more)
+    assert code == 3
+    same = "site.yaml:9: rows A and B look at the same frames (A, pass 1), and neither has a `side`: one face would be mapped"
+    assert lines[0].startswith(same)
+    assert lines[1].startswith(
+        "site.yaml:10: two passes of row C look at the same frames (C, pass 1), both to the left"
+    )
+    assert lines[2].startswith("row A, pass 1: 40")
+    assert not any("no problem found" in line for line in lines)
+
+
+def test_what_is_likely_wrong_is_asked(folder: Path) -> None:
+    lengths = "  lengths:\n  - {between: [upright 1 / left, upright 9 / right], value: 14.162, sigma: 0.003}\nrows:"
+    good = GOOD.replace("{value: 3.0}", "{value: 10.02}").replace("rows:", lengths)
     lines, code = checked(
-        folder, GOOD + "  B: {passes: [{video: a.mp4}]}\n  C: {passes: [{video: a.mp4, side: left}]}\n"
+        folder, good.replace("shelves: {}", "shelves: {lowest_beam_bottom_height_m: [0.3, 0.2, 4.2]}")
     )
     assert code == 0
-    assert lines[0].startswith("rows A and B look at the same frames (A, pass 1), and neither has a `side`")
-    assert lines[1].startswith("row A, pass 1: 40")
+    assert lines[0] == "site.yaml:4: is the camera 10.02 m high? 10.02 feet are 3.05 m"
+    assert lines[1].startswith("site.yaml:8: row A: is a value missing? There are 3, and references name 8 bays")
+    assert lines[-2].startswith("not checked, for only a map tells")
+    assert lines[-1] == "site.yaml: no problem found; 2 questions above"
 
 
 def test_what_concerns_all_rows_comes_first(folder: Path) -> None:
@@ -238,19 +266,23 @@ def test_a_file_that_is_cut_off_is_short_for_both(folder: Path, share: float) ->
     assert "site.yaml:8: b.mkv: nothing can be decoded after" in lines[1]
 
 
-def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def aimed(name: str, one: Any, *_: object) -> tuple[PassPlan, PassPreview]:
-        keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
-        return PassPlan(name, Clip(one.video), {"all": ViewPlan((ViewSpec("face", 0.0),))}), PassPreview(
-            keys, (), None, np.eye(3)
-        )  # type: ignore[arg-type]
+def aimed(name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], *_: object) -> tuple[Any, PassPlan]:
+    """In place of `with_best_networks`."""
+    return plugins, PassPlan(name, row_pass.clip, {"shelves": ViewPlan((ViewSpec("face", 0.0),))})
 
-    monkeypatch.setattr("savmap.jobs.preview.plan_pass", aimed)
-    lines, code = checked(
-        folder,
-        GOOD + "  B/1:\n    passes: [{video: a.mp4, side: left}, {video: a.mp4, side: left, fps: 8}]\n",
-        pictures=True,
-    )
+
+@pytest.fixture
+def without_networks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Views are chosen without a look at pictures."""
+    keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
+    monkeypatch.setattr(checking, "preview_of", lambda *_: PassPreview(keys, (), Renderer(), np.eye(3)))
+    monkeypatch.setattr(checking, "with_best_networks", aimed)
+
+
+@pytest.mark.usefixtures("without_networks")
+def test_rows_have_pictures_of_their_own(folder: Path) -> None:
+    two = "[{video: a.mp4, side: left, end_s: 2}, {video: a.mp4, side: left, start_s: 2}]"
+    lines, code = checked(folder, f"{GOOD}  B/1:\n    passes: {two}\n", pictures=True)
     assert code == 0, lines
     assert lines[0] == "row A, pass 1: 40 frames, views in out/views-A-pass-1.jpg"
     assert {path.name for path in (folder / "out").iterdir()} == {
@@ -260,7 +292,9 @@ def test_rows_have_pictures_of_their_own(folder: Path, monkeypatch: pytest.Monke
     }
 
 
+@pytest.mark.usefixtures("without_networks")
 def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of each kind of footage, whatever the first frames show: that these are no row is none of the site's problems."""
     asked: list[int] = []
 
     def frames() -> Iterator[int]:
@@ -269,23 +303,22 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
             time.sleep(0.2 if number < 2 else 0.01)
             yield number
 
-    def measured(rows: list[RowRequest], journal: Journal, monitor: Monitor) -> list[MeasuredRow]:
-        (row,) = rows
-        seen = list(monitor.each(frames(), "measuring"))
-        facts = RowFacts(row.name, FrameTable(np.arange(len(seen), dtype=float), ("pass 1",) * len(seen)), {}, {})
-        return [MeasuredRow(row, RowMeasurements(facts, {}, {}, frozenset(), (), MarkerTracks({}, {})))]
+    def driven(clip: Clip, rows: Sequence[RowWalk], renderer: Renderer, monitor: Monitor) -> None:
+        for number in monitor.each(frames(), "measuring"):
+            rows[0].take_measured(float(number), None)
+        rows[0].failure = StructureError("the camera stands")
 
     found: list[ResourceEstimate] = []
 
-    def kept(job: Any, footage: Any) -> ResourceEstimate:
-        found.append(resource_estimate(job, footage))
+    def kept(job: Any, footage: Any, plans: Any) -> ResourceEstimate:
+        found.append(resource_estimate(job, footage, plans))
         return found[-1]
 
     (tmp_path / "a.mp4").symlink_to(video)
-    monkeypatch.setattr(checking, "measure", measured)
+    monkeypatch.setattr(checking, "drive_along", driven)
     monkeypatch.setattr(checking, "resource_estimate", kept)
-    again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5}, {video: a.mp4}]}\n"
-    checked(tmp_path, again)
+    again = GOOD + "  B: {passes: [{video: a.mp4, fps: 5, side: right}, {video: a.mp4, side: left}]}\n"
+    assert checked(tmp_path, again)[1] == 0
     assert len(asked) == 2 * FRAMES  # one kind of footage at each rate
     assert found[0].frames == 100
     assert 1.0 < found[0].measure_s < 20
@@ -302,9 +335,75 @@ def test_needs_are_measured_on_a_few_frames(video: Path, tmp_path: Path, monkeyp
     )
 
 
+@pytest.mark.usefixtures("without_networks")
+def test_frames_that_cannot_be_measured_are_a_problem(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def driven(clip: Clip, rows: Sequence[RowWalk], renderer: Renderer, monitor: Monitor) -> None:
+        rows[0].failure = PluginError("plugin `shelves` failed in `extract_features`")
+
+    monkeypatch.setattr(checking, "resource_estimate", resource_estimate)
+    monkeypatch.setattr(checking, "drive_along", driven)
+    lines, code = checked(folder, GOOD)
+    assert (code, lines[-1]) == (5, "plugin `shelves` failed in `extract_features`")
+
+
 @pytest.mark.parametrize(("seconds", "words"), [(3.2, "3 s"), (99, "99 s"), (240, "4 min"), (7000, "1 h 57 min")])
 def test_times_are_told_in_words(seconds: float, words: str) -> None:
     assert duration(seconds) == words
+
+
+DEMO = Path(demo.SITE).read_text(encoding="utf-8")
+TUTORIAL = Path(__file__).parents[2] / "docs" / "tutorial" / "own-aisle.md"
+
+
+@pytest.fixture
+def aisle(tmp_path: Path) -> Path:
+    """A folder with the demo's footage, under the tutorial's name, too."""
+    for name in ("aisle-dev.mp4", "aisle.mp4", "survey.json"):
+        (tmp_path / name).symlink_to(demo.SITE.parent / name.replace("aisle.mp4", "aisle-dev.mp4"))
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start_s", [0.0, 3.0])
+def test_sample_site_files_have_no_problem(aisle: Path, start_s: float) -> None:
+    """The first frames of a pass may show no whole bay."""
+    (block,) = re.findall(r"```yaml\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+    for text in (DEMO, block) if not start_s else (block.replace("side: left", f"side: left, start_s: {start_s}"),):
+        lines, code = checked(aisle, text, pictures=True)
+        assert (code, lines[-1]) == (0, "site.yaml: no problem found"), lines
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "line"),
+    [
+        ("value: 3.055", "value: 10.02", 0, "site.yaml:10: is the camera 10.02 m high? 10.02 feet are 3.05 m"),
+        ("value: 3.055", "value: 3055", 3, "site.yaml:10: `references.camera_height_m.value`: input should be less"),
+        ("value: 3.055", "value: 3,055", 3, "site.yaml:10: unknown key `references.camera_height_m.055`: is it from a"),
+        ("value: 14.162", "value: 1416200", 3, "site.yaml:18: `rows.A.references.lengths[0].value`: input should be"),
+        (", 0.30011]", "]", 0, "site.yaml:20: row A: is a value missing? There are 3, and references name 4 bays"),
+        ("upright 5 / right", "upright 9 / right", 0, "site.yaml:20: row A: is a value missing? There are 4, and"),
+        ("upright 5 / right", "post 5 / right", 3, "site.yaml:18: nothing is called `post 5 / right`: did you mean"),
+        ("aisle-dev.mp4", "aisle-dev.mp5", 4, "site.yaml:15: aisle-dev.mp5: no such file or folder"),
+        (
+            "side: left}",
+            "side: left}\n      - {video: aisle-dev.mp4, side: left}",
+            3,
+            "site.yaml:14: two passes of row A",
+        ),
+        ("side: left", "side: Left", 3, "site.yaml:15: `rows.A.passes[0].side`: input should be 'left' or 'right'"),
+        (
+            "side: left",
+            "side: right",
+            0,
+            "not checked, for only a map tells: whether each `side` shows the face that was",
+        ),
+    ],
+)
+def test_ten_wrong_site_files_get_the_right_answer(folder: Path, old: str, new: str, code: int, line: str) -> None:
+    (folder / "survey.json").write_bytes((demo.SITE.parent / "survey.json").read_bytes())
+    assert old in DEMO
+    lines, found = checked(folder, DEMO.replace(old, new, 1).replace("aisle-dev.mp4", "a.mp4"))
+    assert (found, [one for one in lines if one.startswith(line)] != []) == (code, True), lines
 
 
 @pytest.mark.parametrize("model", ["none.onnx", "text.mp4"])

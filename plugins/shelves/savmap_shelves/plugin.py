@@ -4,7 +4,8 @@ Hooks import their stage when they are called, so that a run that only asks for 
 fast.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -64,6 +65,13 @@ class Shelves:
 
     def __init__(self, config: ShelvesSettings) -> None:
         self.config = config
+
+    def questions(self, names: Sequence[str]) -> Iterator[str]:
+        """About settings, where references use these names."""
+        numbers = [found for name in names for found in re.findall(r"^(upright|bay) (\d{1,6})", name)]
+        named, given = max((int(n) - (what == "upright") for what, n in numbers), default=0), self.config.values_given
+        if given and named > given:
+            yield f"is a value missing? There are {given}, and references name {named} bays: give `null` for one without"
 
     @hookimpl
     def render_views(

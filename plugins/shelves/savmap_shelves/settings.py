@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -86,3 +86,23 @@ class ShelvesSettings(BaseModel):
     or is tilted is straightened for the solve; else nothing of the map depends on it."""
     subpixel: bool = True
     """Whether edges are measured in the panorama itself; false leaves them as masks have them."""
+
+    @model_validator(mode="after")
+    def _as_many_of_each(self) -> Self:
+        if len(self._counts) > 1:
+            listed = " and ".join(map(str, sorted(self._counts)))
+            raise ValueError(f"`lowest_beam_bottom_height_m` and `bay_pitch_m` have one value a bay, not {listed}")
+        return self
+
+    @property
+    def _counts(self) -> set[int]:
+        lists = (
+            self.lowest_beam_bottom_height_m and self.lowest_beam_bottom_height_m.values,
+            self.bay_pitch_m and self.bay_pitch_m.value,
+        )
+        return {len(values) for values in lists if isinstance(values, tuple)}
+
+    @property
+    def values_given(self) -> int:
+        """For how many bays values are listed; 0 where none are."""
+        return max(self._counts, default=0)

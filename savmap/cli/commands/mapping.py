@@ -94,7 +94,6 @@ def check(
     problems = check_site(source, names_of(plugins), output, EchoMonitor(), overrides, pictures, trajectory)
     if problems:
         raise CheckError(source, problems)
-    say(f"{source}: no problem found")
 
 
 def demo(output: Output = Path("out/demo")) -> None:

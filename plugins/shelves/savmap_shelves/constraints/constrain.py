@@ -280,13 +280,9 @@ def assignments(
 
     There is one assignment where all bays were found. Where the row has more, each run of neighbours makes one, by
     name. A bay without beams, such as a passage, counts as the others do, and its value is None; a list without it is
-    taken, too, where no other bay is missing. Raises SiteError where the row has fewer, or where two settings differ in
-    number.
+    taken, too, where no other bay is missing. Raises SiteError where the row has fewer.
     """
     counts = {setting: len(values) for setting, values in given.items() if not isinstance(values, int | float)}
-    if len(set(counts.values())) > 1:
-        listed = " and ".join(f"{count} of {setting}" for setting, count in counts.items())
-        raise SiteError(f"row {row}: one value for each bay is expected, but there are {listed}")
     places = _places(sections, next(iter(counts.values()), None))
     for setting, count in counts.items():
         if count <= places[-1]:
