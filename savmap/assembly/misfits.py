@@ -109,16 +109,16 @@ def same_face_warnings(rows: Mapping[str, Row]) -> dict[str, list[MapWarning]]:
 
 
 def rows_with_same_face(rows: Mapping[str, Row]) -> Iterator[tuple[str, str, str]]:
-    """The names of two rows that look at the same face, or of one row twice whose passes do, and what to tell of them in
-    one line."""
+    """The names of two rows that look at the same face, or twice that of one whose passes do, and what to tell of them
+    in one line."""
     for (first, row), (second, other) in combinations_with_replacement(rows.items(), 2):
         for number, (name, row_pass) in enumerate(zip(pass_names(row.passes), row.passes, strict=True), 1):
             others = other.passes if first != second else row.passes[number:]
             if any(_is_same_face(row_pass, other_pass) for other_pass in others):
                 sides = f"both to the {row_pass.side}" if row_pass.side else "and neither has a `side`"
                 who = f"rows {first} and {second} look" if first != second else f"two passes of row {first} look"
-                frames = f"{who} at the same frames ({first}, {name}), {sides}"
-                yield first, second, f"{frames}: one face would be mapped twice; correct the `side` of one"
+                frames = f"{who} at the same frames ({first}, {name}), {sides}: one face would be mapped twice"
+                yield first, second, f"{frames}; correct the `side` of one"
                 break
 
 

@@ -41,8 +41,8 @@ DECODABLE = 0.7
 """The share of a pass up to which key frames must be decodable."""
 FRAMES, WARM = 10, 4
 UNCHECKED = (
-    "not checked, for only a map tells: whether each `side` shows the face that was measured, whether lists have a value "
-    "for each part of it, and whether references fit the pictures"
+    "not checked, for only a map tells: whether each `side` shows the face that was measured, whether lists have a "
+    "value for each part of it, and whether references fit the pictures"
 )
 
 

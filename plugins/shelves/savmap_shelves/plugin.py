@@ -68,10 +68,11 @@ class Shelves:
 
     def questions(self, names: Sequence[str]) -> Iterator[str]:
         """About settings, where references use these names."""
-        numbers = [found for name in names for found in re.findall(r"^(upright|bay) (\d{1,6})", name)]
-        named, given = max((int(n) - (what == "upright") for what, n in numbers), default=0), self.config.values_given
-        if given and named > given:
-            yield f"is a value missing? There are {given}, and references name {named} bays: give `null` for one without"
+        numbers = [match for name in names for match in re.findall(r"^(upright|bay) (\d{1,6})", name)]
+        bays = max((int(number) - (label == "upright") for label, number in numbers), default=0)
+        if 0 < self.config.values_given < bays:
+            values = f"There are {self.config.values_given}, and references name {bays} bays"
+            yield f"is a value missing? {values}: give `null` for one without"
 
     @hookimpl
     def render_views(
