@@ -14,7 +14,7 @@ direction, and halves of surrogate pairs, which cannot be written."""
 URL = re.compile(r"\b[a-z][a-z0-9+.-]{1,30}:/[^\s\"]+", re.IGNORECASE)
 """Of one slash too, as a `Path` writes it."""
 SECRETS = re.compile(
-    r"(?<=:/)(/?)(?:[^/?#]*|[^/?#:]*:(?!\d+[/?#]).{,300})(?=@)"  # a password may hold the signs that end a host
+    r"(?<=:/)(/?)(?:[^/?#]*|[^/?#:]*:(?!\d+[/?#]).{,300})(?=@)"  # a password may hold what ends a host
     r"|((?:pass(?:wor|w)?d?|pwd|token|secret|sig(?:nature)?|credential|key)=)[^&;]+",
     re.IGNORECASE,
 )

@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 from savmap.assembly.known_places import KnownPlace, known_places
 from savmap.assembly.rigid_fit import PlaceEquations, RigidFit
 from savmap.errors import SiteError
+from savmap.maps.schema import FARTHEST_WORLD_M
 from savmap.site.load import KnownAlignment
 from savmap.types import Alignment, AlignmentResidual, Floats, Measured, SiteMap
 
@@ -20,8 +21,6 @@ MOST_HEADING_DEG, MOST_SHIFT_M = 5.0, 3.0
 MOST_SHARE = 3
 """One in so many places may be left out."""
 SUSPECTS = 20
-FARTHEST_M = 1e7
-"""Of the site's origin from that of the user's world."""
 OFF_SIGMA = 3.0
 
 
@@ -113,7 +112,7 @@ def _determined(equations: PlaceEquations, source: KnownAlignment) -> RigidFit:
     """The likeliest fit. Raises SiteError where there are several, or where it leaves the heading or the place open."""
     if not equations.places:
         raise SiteError(source.line((), "none of its rows were mapped"))
-    fits = [fit for fit in equations.fits() if np.abs(fit.shift).max() < FARTHEST_M]
+    fits = [fit for fit in equations.fits() if np.abs(fit.shift).max() < FARTHEST_WORLD_M]
     if not fits:
         what = "no way to turn and move the site brings its places where they are known"
         raise SiteError(source.line((), f"{what}, in the order in which lines name them"))

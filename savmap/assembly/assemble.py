@@ -246,6 +246,7 @@ def site_lines(site: SiteMap) -> Iterator[str]:
     left = [name for name in site.rows if name not in site.placements]
     if left:
         yield f"not placed: {', '.join(left)} (they have no given place, and nothing in common with a row that has one)"
+        yield "give each a `place`, or the site a `layout`: exports of several rows leave out those that have none"
     if site.matches:
         columns = f"{'n':>4}{'x':>8}{'y':>8}{'z':>8}{'largest':>9}"
         yield f"{'rows':>{wide}}  {'in common':<16}{columns}   apart, cm (rms); sigmas"

@@ -22,7 +22,8 @@ SPACES = " '\u00a0\u2007\u2009\u202f\u2019"
 """What parts groups of three digits, beside the comma and the point: in France, in Switzerland, by ISO 80000."""
 READINGS = {
     decimal: re.compile(
-        rf"[+-]?(?=[{decimal}]?\d)(\d+|[1-9]\d{{0,2}}([{SPACES}{group}])\d{{3}}(?:\2\d{{3}})*)?([{decimal}]\d*)?(e[+-]?\d{{1,3}})?",
+        rf"[+-]?(?=[{decimal}]?\d)(\d+|[1-9]\d{{0,2}}([{SPACES}{group}])\d{{3}}(?:\2\d{{3}})*)?([{decimal}]\d*)?"
+        r"(e[+-]?\d{1,3})?",
         re.IGNORECASE,
     )
     for decimal, group in (".,", ",.")
@@ -85,8 +86,11 @@ def json_of(text: str) -> object:
 def readings(text: str) -> dict[str, float]:
     """What a number means by the sign before its decimals, "." or ",", of those that it can be written with; digits may
     stand in groups. "1,234" may be 1234 or 1.234, "1,234.5" is one number, "1,23,4" none."""
-    plain = {decimal: re.sub(f"[^{decimal}0-9e+-]", "", text.lower()).replace(",", ".") for decimal in READINGS}
-    return {decimal: float(plain[decimal]) for decimal, form in READINGS.items() if form.fullmatch(text)}
+    numbers = {}
+    for decimal, form in READINGS.items():
+        if form.fullmatch(text):
+            numbers[decimal] = float(re.sub(f"[^{decimal}0-9e+-]", "", text.lower()).replace(",", "."))
+    return numbers
 
 
 def json_visible(text: str) -> str:

@@ -170,7 +170,7 @@ def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
         return space_needed(*parts)
     if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
         if numbers := readings(given.strip()):
-            written = " or ".join(dict.fromkeys(f"{numbers[sign]:.12g}" for sign in (",", ".") if sign in numbers))
+            written = " or ".join(dict.fromkeys(f"{numbers[mark]:.12g}" for mark in (",", ".") if mark in numbers))
             return f"a decimal point is expected: {written}"
         if clock := CLOCK.fullmatch(given):
             seconds = 3600 * int(clock[1] or 0) + 60 * int(clock[2]) + float(clock[3])

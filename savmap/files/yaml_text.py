@@ -154,11 +154,11 @@ class _Reader:
         raise _error(f"values of the kind {node.tag} are not read", node)
 
     def _sequence(self, node: SequenceNode, location: Location) -> list[Any]:
-        whole = [(one, two) for one, two in pairwise(node.value) if WHOLE.fullmatch(f"{one.value},{two.value}")]
-        near = [pair for pair in whole if pair[1].start_mark.index == pair[0].end_mark.index + 1]
+        whole = [(a, b) for a, b in pairwise(node.value) if WHOLE.fullmatch(f"{a.value},{b.value}")]
+        near = [(a, b) for a, b in whole if b.start_mark.index == a.end_mark.index + 1]
         if 0 < len(near) < len(whole):
-            one, two = (part.value for part in near[0])
-            raise _error(f"{one},{two} are two numbers: write {one}.{two}, or a space behind the comma", near[0][0])
+            a, b = (part.value for part in near[0])
+            raise _error(f"{a},{b} are two numbers: write {a}.{b}, or a space behind the comma", near[0][0])
         for number, value in enumerate(node.value):
             self.document.lines.setdefault((*location, number), value.start_mark.line + 1)
         return [self.value(value, (*location, number)) for number, value in enumerate(node.value)]

@@ -1,5 +1,6 @@
 """The public Python API: maps from site files and videos, their scores, and other formats. See docs/python-api.md."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -8,7 +9,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 from savmap.assembly import aligned
-from savmap.errors import SiteError
+from savmap.errors import SiteError, visible
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
 from savmap.jobs.depths import kept_depths
@@ -254,7 +255,8 @@ def export(site_map: SiteMap | PathLike, path: PathLike, format: str | None = No
     Raises SiteError for an unknown format or ending, PluginError for an exporter that fails, OutputError.
     """
     target, formats = where(path), exporters()
-    export_map(_map_of(site_map), format or format_of(target, formats), target, formats)
+    if note := export_map(_map_of(site_map), format or format_of(target, formats), target, formats):
+        logging.getLogger("savmap").warning(visible(note))
     return target
 
 

@@ -15,8 +15,9 @@ VERSION = 1
 
 FARTHEST_M = 1e6
 """No number of metres is larger: what is drawn, squared and summed stays within a float's bounds."""
-FARTHEST_WORLD_M = 1e7
-"""Of the site's origin in the user's world: northings of UTM reach that."""
+FARTHEST_WORLD_M = 1e8
+"""Of the site's origin in the user's world: eastings with the number of their zone before them have eight digits
+(EPSG:4647)."""
 LARGEST = 1e12
 
 

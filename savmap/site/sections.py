@@ -26,6 +26,7 @@ from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
 from savmap.files.validation import SHORT, fields_of, may_be_none
+from savmap.maps.schema import FARTHEST_WORLD_M
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
 Sigma = Annotated[float, Field(gt=0, le=10)]
@@ -352,7 +353,7 @@ class LayoutSection(Strict):
     """Standard deviation of a row's heading."""
 
 
-Easting = Annotated[float, Field(ge=-1e7, le=1e7)]
+Easting = Annotated[float, Field(ge=-FARTHEST_WORLD_M, le=FARTHEST_WORLD_M)]
 KnownSigma = Annotated[float, Field(ge=1e-4, le=10)]
 MOST_PLACES = 500
 """Points, or lines, at most: their joint covariance is a matrix."""

@@ -26,8 +26,8 @@ TEMPLATE = Path(__file__).with_name("starter.yaml.jinja")
 def start(videos: Sequence[Path], path: Path, force: bool = False) -> tuple[Path, Path]:
     """Write a site file with a row for each video, and the schema beside it; gives the two paths.
 
-    Raises VideoError for a video that cannot be used, SiteError for one whose name cannot be written, OutputError where a file is there already and `force` is not
-    given.
+    Raises VideoError for a video that cannot be used, SiteError for one whose name cannot be written, OutputError where
+    a file is there already and `force` is not given.
     """
     from savmap.video.reader import probe
 

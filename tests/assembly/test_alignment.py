@@ -64,6 +64,16 @@ def test_two_points_place_and_turn_the_site(tmp_path: Path) -> None:
     assert alignment.scale.value == pytest.approx(1.0, abs=1e-6)
 
 
+def test_eastings_may_begin_with_the_number_of_their_zone(tmp_path: Path) -> None:
+    zone = (32e6, 0.0)
+    result = solved(tmp_path, two_rows(), points=[known(0, off=zone), known(1, "B", zone), known(2, off=zone)])
+    read = map_of(map_text(result.site_map), "map").alignment
+    assert read is not None
+    assert (read.x_m, read.y_m) == pytest.approx((SHIFT[0] + 32e6, SHIFT[1]), abs=1e-5)
+    assert read.heading_deg == pytest.approx(-160.0, abs=1e-6)
+    assert result.notes == ()
+
+
 def test_sigmas_are_those_of_repeated_tries(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     site = SiteMap({"A": row("A")}, {})

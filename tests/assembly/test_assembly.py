@@ -214,7 +214,9 @@ def test_a_row_that_nothing_ties_stays_without_a_place() -> None:
     drives = one_drive_an_aisle(["1L", "1R"])
     found = assembled(site_map, {}, drives, ask).site_map
     assert set(found.placements) == {"1L", "1R"}
-    assert "not placed: 2L, 2R" in "\n".join(site_lines(found))
+    said = "\n".join(site_lines(found))
+    assert "not placed: 2L, 2R" in said
+    assert "give each a `place`, or the site a `layout`" in said
     alone = assembled(site_map, {}, NO_DRIVES, ask).site_map
     assert alone.placements == {}
     assert alone.matches == ()

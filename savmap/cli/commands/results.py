@@ -199,6 +199,7 @@ def export(
         ),
     ] = None,
     row: Annotated[str | None, typer.Option(help="Only this row.")] = None,
+    bom: Annotated[bool, typer.Option("--bom", help="Begin a CSV file with the mark of UTF-8, for Excel.")] = False,
 ) -> None:
     """Write a map in another format."""
     from savmap.errors import SiteError
@@ -218,7 +219,8 @@ def export(
         if note:
             say(f"note: {note}")
     broken = "".join(f"; {reason}" for reason in load_installed().broken.values())
-    export_map(site_map, name, output, formats, broken)
+    if note := export_map(site_map, name, output, formats, broken, bom):
+        say(f"note: {note}")
     say(f"wrote {output}")
     if frame := _frame_of(name, site_map):
         say(f"coordinates are in {frame}")

@@ -4,6 +4,7 @@ A format is a function `(SiteMap, Path)` in a module of this package, named in `
 alone needs are imported by its function, and are extras.
 """
 
+from codecs import BOM_UTF8
 from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -67,13 +68,28 @@ def _exporter(place: str) -> Exporter:
     return write
 
 
-def export_map(site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "") -> None:
-    """Write a map in the format of this name, whole or not at all. Raises SiteError for an unknown format, PluginError
-    for an exporter that fails, OutputError. `remark`: what to add where the format is unknown."""
+def export_map(
+    site_map: SiteMap, name: str, path: Path, formats: Mapping[str, Exporter], remark: str = "", bom: bool = False
+) -> str:
+    """Write a map in the format of this name, whole or not at all, without rows that have no place where it needs one
+    frame: a note names them. Raises SiteError for an unknown format, PluginError for an exporter that fails,
+    OutputError. remark: what to add where the format is unknown. bom: begin with the mark of UTF-8, of CSV alone."""
+    from savmap.maps.exports.frames import in_one_frame
+
     if name not in formats:
         raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
+    if bom and not name.endswith("csv"):
+        raise SiteError(f"--bom is for CSV, not for {name}")
+    site, note = in_one_frame(site_map) if name in FORMATS and name != "csv" else (site_map, "")
+
+    def write(part: Path) -> None:
+        formats[name](site, part)
+        if bom:
+            part.write_bytes(BOM_UTF8 + part.read_bytes())
+
     try:
-        write_with(lambda part: formats[name](site_map, part), path)
+        write_with(write, path)
+        return note
     except SavmapError:
         raise
     except (Exception, SystemExit) as error:

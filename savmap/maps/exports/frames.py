@@ -92,15 +92,25 @@ def world_from_site(alignment: Alignment | None) -> Floats:
     return transform if alignment is None else alignment.world_from_level @ transform
 
 
+def in_one_frame(site: SiteMap) -> tuple[SiteMap, str]:
+    """The map of the rows that have a common frame, and a note of those that are left out. Raises OutputError where
+    there are several rows, and none is placed."""
+    rows = {name: row for name, row in site.rows.items() if name in site.placements}
+    unplaced = ", ".join(name for name in site.rows if name not in rows)
+    if not unplaced or len(site.rows) == 1:
+        return site, ""
+    what = f"rows {unplaced} have no place in the site's frame"
+    advice = "give them a `place`, or the site a `layout`, and map again, or choose one with --row"
+    if not rows:
+        raise OutputError(f"{what}: {advice}")
+    return replace(site, rows=rows), f"{what} and are left out: {advice}"
+
+
 def require_one_frame(site: SiteMap) -> None:
     """Raise OutputError where there are several rows and one of them is not placed, because its frame is another
     one."""
-    unplaced = [name for name in site.rows if name not in site.placements]
-    if unplaced and len(site.rows) > 1:
-        raise OutputError(
-            f"rows {', '.join(unplaced)} have no place in the site's frame: give them a `place`, or the site a "
-            "`layout`, and map again, or choose one with --row"
-        )
+    if note := in_one_frame(site)[1]:
+        raise OutputError(note)
 
 
 def in_site(structure: Structure, placement: Placement | None) -> Structure:

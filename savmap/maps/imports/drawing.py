@@ -137,8 +137,8 @@ class _ModelSpace:
 
     def _read(self, entities: Any, matrix: Any, above: str, depth: int, whole: bool) -> Iterator[Piece]:
         """The entities of a layout or block as pieces, those of layers with a label, or `whole`, all. matrix: to the
-        world's coordinates. above: the layer on which the block is inserted; what is on layer 0 in it is on that. What is
-        in a block is shown where the block's layer is off, but not where it is frozen."""
+        world's coordinates. above: the layer on which the block is inserted; what is on layer 0 in it is on that.
+        What is in a block is shown where the layer of the block is off, but not where it is frozen."""
         for entity in entities:
             kind, layer = entity.dxftype(), str(entity.dxf.layer)
             layer = above if above and layer == "0" else layer

@@ -29,6 +29,7 @@ from savmap.maps.imports.records import (
     element,
     listed,
 )
+from savmap.maps.schema import FARTHEST_WORLD_M
 from savmap.types import Floats, Ints, array_record
 
 MOST_ELEMENTS = 200_000
@@ -37,8 +38,6 @@ DEEPEST = 12
 """Of assemblies within assemblies."""
 SAME_M = 1e-4
 """A vertex that savmap wrote is still a corner of the body that is drawn."""
-FARTHEST_M = 1e7
-"""Of a corner: coordinates of national grids have seven digits."""
 SAVMAP, SAVMAP_ATTRIBUTES = "Savmap", "Savmap_Attributes"
 """The property sets that savmap writes (`exports.models.ifc`)."""
 Entity = Any
@@ -79,7 +78,7 @@ def read(path: Path, options: ImportOptions, labels: Mapping[str, str]) -> FileE
     elements, empty = list[SurveyElement](), list[str]()
     for member in members:
         points, vertices = member.points([mesh for part in member.parts for mesh in meshes.get(part.id(), ())], unit_m)
-        if not (np.abs(points) < FARTHEST_M).all():
+        if not (np.abs(points) < FARTHEST_WORLD_M).all():
             raise OutputError(f"{listed([member.name])} is not finite, or too far away")
         if len(points):
             structure = element(member.name, member.label, points * scale, vertices, member.attributes)

@@ -169,12 +169,12 @@ def _places(path: Path, points: Sequence[Line], columns: Columns, delimiter: str
     axes = [axis for axis in AXES if axis in columns.places]
     cells = {(line.number, axis): columns.text(line, axis) for line in points for axis in axes}
     in_mm = any(columns.metres[axis] == UNITS["mm"] for axis in axes)
-    sign = _decimal_sign(path, cells.values(), in_mm, delimiter)
+    mark = _decimal_mark(path, cells.values(), in_mm, delimiter)
     values = np.zeros((len(points), 3))
     for k, line in enumerate(points):
         for axis in axes:
             cell = cells[line.number, axis]
-            value = readings(cell).get(sign, np.nan)
+            value = readings(cell).get(mark, np.nan)
             if not np.isfinite(value):
                 said = listed([cell]) if cell else "empty"
                 raise OutputError(f"{path}: line {line.number}: {axis} is {said}, not a number")
@@ -182,23 +182,23 @@ def _places(path: Path, points: Sequence[Line], columns: Columns, delimiter: str
     return values
 
 
-def _decimal_sign(path: Path, cells: Collection[str], in_mm: bool, delimiter: str) -> str:
+def _decimal_mark(path: Path, cells: Collection[str], in_mm: bool, delimiter: str) -> str:
     """What decimals follow, the point or the comma: what is so in numbers that can be read in one way only. Where all
     can be read in two, such as 1,234, it is the point, or the comma where cells are parted by semicolons, as
     spreadsheets then do. Raises OutputError where nothing tells: nobody writes thousandths of a millimetre either."""
     options = {cell: readings(cell) for cell in cells}
-    certain = {sign for values in options.values() if len(values) == 1 for sign in values}
+    certain = {mark for values in options.values() if len(values) == 1 for mark in values}
     doubtful = [cell for cell, values in options.items() if len(set(values.values())) == 2]
-    signs = certain or {sign for sign in READINGS for cell in doubtful if sign in cell}
-    if len(signs) == 2:
+    marks = certain or {mark for mark in READINGS for cell in doubtful if mark in cell}
+    if len(marks) == 2:
         raise OutputError(f"{path}: decimals follow a comma in some numbers, and a point in others")
-    sign = next(iter(signs), ".")
-    if not certain and doubtful and (in_mm or (sign == "," and delimiter != ";")):
+    mark = next(iter(marks), ".")
+    if not certain and doubtful and (in_mm or (mark == "," and delimiter != ";")):
         meanings = " or ".join(f"{value:.12g}" for value in options[doubtful[0]].values())
         raise OutputError(
             f"{path}: {doubtful[0]} may be {meanings}: write digits without groups, decimals with a point"
         )
-    return sign
+    return mark
 
 
 def _elements(

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import savmap
-from savmap.errors import OutputError
+from savmap.errors import OutputError, visible
 from savmap.maps.exports import FORMATS
 from savmap.maps.map_file import read_map, write_map
 from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
@@ -104,6 +104,23 @@ def test_a_map_with_nothing_in_it_is_refused(name: str, tmp_path: Path) -> None:
         with pytest.raises(OutputError, match=r"stands in the way|no camera path"):
             savmap.export(SiteMap({"A": empty}, {}), path, name)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", each(*(name for name in SAME if name != "csv")))
+def test_a_row_without_a_place_is_left_out_and_named(
+    name: str, tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1770000000")
+    placed, last = hall(), list(hall().rows)[-1]
+    places = {row: place for row, place in placed.placements.items() if row != last}
+    savmap.export(replace(placed, placements=places), tmp_path / "a.zip", name)
+    (record,) = caplog.records
+    assert record.message.startswith(
+        f"rows {visible(last)} have no place in the site's frame and are left out: give them a `place`"
+    )
+    rest = {row: one for row, one in placed.rows.items() if row != last}
+    savmap.export(replace(placed, rows=rest, placements=places), tmp_path / "b.zip", name)
+    assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
 
 
 @pytest.mark.parametrize("name", each(*(name for name in FORMATS if name != "csv")))

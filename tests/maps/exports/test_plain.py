@@ -83,6 +83,15 @@ def test_csv_has_a_line_a_vertex(two: Path, tmp_path: Path) -> None:
     assert float(last["sigma_x_m"]) == pytest.approx(0.01)
 
 
+def test_csv_for_excel_has_the_mark_of_utf_8(two: Path, tmp_path: Path) -> None:
+    for bom in (False, True):
+        export(two, tmp_path / f"{bom}.csv", bom=bom)
+    assert (tmp_path / "True.csv").read_bytes() == b"\xef\xbb\xbf" + (tmp_path / "False.csv").read_bytes()
+    with pytest.raises(SiteError, match="--bom is for CSV, not for ply"):
+        export(two, tmp_path / "map.ply", "ply", bom=True)
+    assert not (tmp_path / "map.ply").exists()
+
+
 def test_rows_with_frames_of_their_own_are_not_mixed(two: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"rows A, B have no place in the site's frame: .* or choose one with --row"):
         export(two, tmp_path / "map.ply", "ply")
@@ -122,14 +131,17 @@ def test_rows_that_are_placed_are_exported_in_the_sites_frame(tmp_path: Path) ->
     assert body.splitlines()[-1] == "10 11"
 
 
-def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path) -> None:
+def test_a_row_without_a_place_keeps_its_own_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     site = placed_site(tmp_path, "A")
     export(site, tmp_path / "map.csv", "csv")
     with (tmp_path / "map.csv").open(encoding="utf-8", newline="") as file:
         frames = {(line["row"], line["frame"]) for line in csv.DictReader(file)}
     assert frames == {("A", "site"), ("B", "row")}
-    with pytest.raises(OutputError, match="rows B have no place"):
-        export(site, tmp_path / "map.ply", "ply")
+    capsys.readouterr()
+    export(site, tmp_path / "map.ply", "ply")
+    said = capsys.readouterr().out
+    assert "note: rows B have no place in the site's frame and are left out" in said
+    assert "rows A, metres" in (tmp_path / "map.ply").read_text(encoding="ascii")
     export(site, tmp_path / "map.ply", "ply", row="B")
     assert "row B, metres" in (tmp_path / "map.ply").read_text(encoding="ascii")
 

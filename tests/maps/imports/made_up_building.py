@@ -14,7 +14,7 @@ PLACE = "A=5,3,30,0.3"
 class Building:
     """An IFC file with a storey, to which elements are added at places in the storey, mm."""
 
-    def __init__(self, schema: str = "IFC4", unit: bool = True) -> None:
+    def __init__(self, schema: str = "IFC4", unit: bool = True, east_mm: float = 5000) -> None:
         import ifcopenshell
         import ifcopenshell.guid
 
@@ -28,7 +28,7 @@ class Building:
         )
         self.root("IfcProject", "hall", RepresentationContexts=[self.context], UnitsInContext=units)
         along = (cos(radians(30)), sin(radians(30)), 0.0)
-        building = self.make("IfcLocalPlacement", None, self.axes((5000, 3000, 100), (0, 0, 1), along))
+        building = self.make("IfcLocalPlacement", None, self.axes((east_mm, 3000, 100), (0, 0, 1), along))
         self.storey = self.make("IfcLocalPlacement", building, self.axes((0, 0, 200)))
         self.root("IfcBuilding", "hall", ObjectPlacement=building, CompositionType="ELEMENT")
         self.root("IfcBuildingStorey", "ground", ObjectPlacement=self.storey, CompositionType="ELEMENT")

@@ -133,6 +133,14 @@ def test_units_are_the_files_or_those_that_are_given(tmp_path: Path) -> None:
     assert sizes == pytest.approx([2, 2, 20, 2000])
 
 
+def test_a_model_may_lie_in_a_grid_whose_eastings_have_eight_digits(tmp_path: Path) -> None:
+    shapes = [Building(east_mm=east) for east in (5000, 32_505_005_000)]
+    for building in shapes:
+        building.add("IfcColumn", "c", building.block(100, 60, 2000), (0, 0, 0))
+    near, far = (read(tmp_path, building).elements[0].structure.vertices for building in shapes)
+    assert far - near == pytest.approx(np.tile([32_505_000.0, 0, 0], (8, 1)), abs=1e-6)
+
+
 def test_what_has_no_body_is_named(tmp_path: Path) -> None:
     building = Building()
     building.add("IfcColumn", "P1", building.block(100, 60, 2000), (0, 0, 0))
