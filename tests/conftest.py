@@ -1,4 +1,4 @@
-"""Tests of an extra are skipped where it is not installed.
+"""Tests of an extra are skipped where it is not installed. None depends on how fast the machine is.
 
 Beside other workers, none computes with more than one thread of OpenMP (torch): waiting at full speed for one another takes most of their time.
 """
@@ -10,13 +10,24 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 from packaging.requirements import Requirement
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
-LONGEST = ("test_demo.py", "test_dask_executor.py", "test_resume.py", "test_isolation.py", "test_wrong_references.py")
+settings.register_profile("savmap", deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+settings.load_profile("savmap")
+
+LONGEST = (
+    "test_docs_run.py",
+    "test_demo.py",
+    "test_dask_executor.py",
+    "test_resume.py",
+    "test_isolation.py",
+    "test_wrong_references.py",
+)
 """Files that take longest, by their names: they run first, so that no process is left with one of them at the end."""
 EXTRAS = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"][
     "optional-dependencies"
@@ -24,6 +35,9 @@ EXTRAS = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if Path(__file__).parent / "lab" in item.path.parents:
+            item.add_marker("lab")
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 

@@ -174,6 +174,7 @@ def test_plugins_for_mapping_import_nothing_of_the_laboratory() -> None:
     assert {path: lab for path in outside if (lab := [name for name in imported(path) if in_lab(name)])} == {}
 
 
+@pytest.mark.slow
 def test_all_that_maps_is_imported_without_the_laboratory() -> None:
     names = [name for name in MODULES if not in_lab(name) and not name.endswith("__main__")]
     code = f"""
@@ -185,7 +186,7 @@ for name in {names}:
 assert load_installed().classes
 print(*sys.modules)
 """
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=600)
     assert "savmap.pipeline.row" in done.stdout.split()
     assert [module for module in done.stdout.split() if in_lab(module)] == []
 

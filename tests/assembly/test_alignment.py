@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from savmap.assembly import aligned, alignment_lines
@@ -260,7 +260,8 @@ LINES = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.slow
+@settings(max_examples=60)
 @given(st.lists(POINTS, max_size=5), st.lists(LINES, max_size=2))
 def test_any_places_align_the_site_or_are_one_line(tmp_path: Path, points: list[object], lines: list[object]) -> None:
     try:

@@ -59,7 +59,7 @@ def ended(folder: Path, lines: list[list[str]], before: str = "", **variables: s
     """What is printed by command lines that one process runs in turn, and what it says on standard error."""
     command = [sys.executable, "-c", before + RUN.format(lines=lines)]
     environment = {**os.environ, **variables}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=300, check=False)
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=600, check=False)
     return done.stdout.decode("latin-1").splitlines(), done.stderr.decode("latin-1")
 
 

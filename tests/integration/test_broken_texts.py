@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from savmap.demo import SITE
@@ -180,7 +180,7 @@ def test_broken_files_are_refused_in_a_line_or_used(tmp_path_factory: pytest.Tem
     make, use = KINDS[name]
     sound = make()
 
-    @settings(max_examples=40, database=None, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck))  # fmt: skip
+    @settings(max_examples=40, phases=[Phase.generate])  # fmt: skip
     @given(st.lists(st.tuples(st.integers(0, 1 << 30), VALUES), min_size=1, max_size=3))
     def each(edits: list[tuple[int, Any]]) -> None:
         path = written(edited(sound, edits), tmp_path_factory.mktemp("broken") / name)

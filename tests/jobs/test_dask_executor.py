@@ -42,8 +42,8 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, lis
     scheduler = dask(home, "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(info))
     where = ("--scheduler-file", str(info), "--local-directory", str(folder))
     workers = [dask(home, "worker", "--no-nanny", "--no-dashboard", "--nthreads", "1", *where) for _ in range(2)]
-    with distributed.Client(scheduler_file=str(info), timeout=60, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=60)
+    with distributed.Client(scheduler_file=str(info), timeout=600, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=600)
         address = client.scheduler.address
     yield address, workers
     for process in (*workers, scheduler):

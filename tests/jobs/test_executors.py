@@ -31,6 +31,7 @@ def test_serial_executor_goes_on_from_results_first() -> None:
     assert found == [("a", 2), ("b", 42)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_one_that_dies_is_told_and_the_others_are_done(jobs: int) -> None:
     executor = ProcessExecutor(jobs)
@@ -48,6 +49,7 @@ def test_one_that_dies_is_told_and_the_others_are_done(jobs: int) -> None:
     assert isinstance(found["wrong"], ValueError)
 
 
+@pytest.mark.slow
 def test_work_that_was_only_near_is_done_again(tmp_path: Path) -> None:
     executor = ProcessExecutor(2)
     executor.submit("near", eval, DIES_ONCE, {"mark": str(tmp_path / "mark")})
@@ -55,6 +57,7 @@ def test_work_that_was_only_near_is_done_again(tmp_path: Path) -> None:
     assert dict(executor.results()) == {"near": "second time", "other": 8}
 
 
+@pytest.mark.slow
 def test_process_that_ends_between_tasks_costs_no_task() -> None:
     executor = ProcessExecutor(1)
     executor.submit("ends later", eval, ENDS_LATER, {})
@@ -97,6 +100,7 @@ class Watcher(SilentMonitor):
         self.lines.append(line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [0, 2])
 def test_what_tasks_do_is_shown_meanwhile(jobs: int) -> None:
     watcher = Watcher()

@@ -62,7 +62,7 @@ def savmap(path: Path, *options: str) -> "subprocess.Popen[str]":
 def finish(path: Path, *options: str) -> tuple[int, str, dict[str, Any]]:
     """Exit code, what was said, and each row of run.json."""
     process = savmap(path, *options)
-    out, error = process.communicate(timeout=300)
+    out, error = process.communicate(timeout=3600)
     rows = json.loads((path.parent / "out" / "run.json").read_text(encoding="utf-8"))["rows"]
     return process.returncode, out + error, rows
 
@@ -101,7 +101,7 @@ def test_a_killed_run_repeated_gives_the_same_map(undisturbed: Path, tmp_path: P
     assert not list(tmp_path.rglob("*.part"))
 
 
-def workers_of(session: int, patience_s: float = 10.0) -> list[int]:
+def workers_of(session: int, patience_s: float = 600.0) -> list[int]:
     """Processes of a session that are still there after a while."""
     until = time.monotonic() + patience_s
     while left := _session(session):

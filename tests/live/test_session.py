@@ -141,7 +141,7 @@ def frames(count: int, pause_s: float = 0.0, first: int = 0) -> Iterator[Panoram
 
 
 def until(reached: Callable[[], bool]) -> None:
-    end = time.monotonic() + 20
+    end = time.monotonic() + 600
     while not reached() and time.monotonic() < end:
         time.sleep(0.02)
     assert reached()
@@ -187,6 +187,7 @@ def panorama_after(number: int) -> Panorama:
     return Panorama(number, number / 10, picture(number))
 
 
+@pytest.mark.slow
 def test_a_session_goes_on_where_it_stood(job: Job, plan: list[PassPlan]) -> None:
     with LiveMapping(job, "1") as live:
         for panorama in frames(40, 0.02):
@@ -284,7 +285,7 @@ def test_choosing_views_ends_with_the_session(job: Job, plan: list[PassPlan], mo
     live = LiveMapping(job, "1")
     for panorama in frames(session.PREVIEWED):
         live.take(panorama)
-    assert begun.wait(20)
+    assert begun.wait(600)
     live.stop()
     assert not live._worker.is_alive()
     assert live._failure is None

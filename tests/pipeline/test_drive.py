@@ -109,6 +109,7 @@ def driven(walk: RowWalk) -> RowWalk:
     return walk
 
 
+@pytest.mark.slow
 def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(aimed: PassPlan) -> None:
     before = threads()
     asked: list[tuple[str, int, str, int]] = []
@@ -180,6 +181,7 @@ def test_skipped_frames_are_counted_as_they_are_told(tmp_path: Path) -> None:
     assert any(f"{walk.skipped} damaged frames skipped" in note for note in walk.notes)
 
 
+@pytest.mark.slow
 def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None:
     walk = walk_of([room("one", lambda view, detections: [])], aimed)
     network = walk.segmenters.network(walk.plugins[0])
@@ -188,6 +190,7 @@ def test_pictures_are_forgotten_when_they_are_done_with(aimed: PassPlan) -> None
     assert not network._segmentations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cut_off_at", "footage"), [(0, "video"), (5, "pictures"), (11, "video")])
 def test_a_walk_that_was_cut_off_goes_on_there(
     aimed: PassPlan, footage: str, cut_off_at: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -230,6 +233,7 @@ def pictures_of(aimed: PassPlan, folder: Path) -> Path:
     return folder / "pictures"
 
 
+@pytest.mark.slow
 def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
     shelf = Shelf()
@@ -238,6 +242,7 @@ def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, mon
     assert journals.counts(shelf)["A"] == 3
 
 
+@pytest.mark.slow
 def test_two_rows_of_a_drive_see_every_frame_once(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three plugins, two of which share a network, look at both rows; both rows look up the same way."""
     decoded: list[int] = []
@@ -287,6 +292,7 @@ def test_two_rows_of_a_drive_see_every_frame_once(aimed: PassPlan, monkeypatch: 
     assert len(inferred) == len(set(inferred)) == 12 * 3
 
 
+@pytest.mark.slow
 def test_a_row_that_fails_leaves_the_drive_and_the_others_go_on(aimed: PassPlan) -> None:
     fails = walk_of([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0)], aimed, row="B")  # type: ignore[arg-type]
     goes_on = walk_of([room("one", lambda view, _: [])], aimed)
@@ -296,6 +302,7 @@ def test_a_row_that_fails_leaves_the_drive_and_the_others_go_on(aimed: PassPlan)
     assert len(goes_on.stamps) == 12
 
 
+@pytest.mark.slow
 def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """But for the last second, in which a frame may still be missing. The result is the same."""
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
@@ -334,6 +341,7 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
     assert (again, list(range(45))) == walked(Shelf())
 
 
+@pytest.mark.slow
 def test_a_snapshot_is_what_was_measured_so_far(aimed: PassPlan) -> None:
     """It needs no frame that follows, and the drive goes on after it."""
     walk = walk_of([room("one", lambda view, _: [])], aimed)

@@ -78,6 +78,7 @@ def beyond(footage: str = "footage.mp4", frames: int = COUNT) -> MeasuredRow:
     return MeasuredRow(walked.request, replace(walked.measurements, path=path))
 
 
+@pytest.mark.slow
 def test_the_path_of_the_row_across_the_aisle_is_laid_where_the_evidence_is_sharpest() -> None:
     path = path_beside(row("A", "footage.mp4"), beyond())
     assert path is not None
@@ -100,6 +101,7 @@ def test_a_row_whose_structure_lies_in_no_plane_is_lent_no_path() -> None:
     assert path_beside(replace(row("A", "footage.mp4"), packed_views={}), beyond()) is None
 
 
+@pytest.mark.slow
 def test_a_row_that_does_not_tell_its_path_is_measured_along_that_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
     def measured(walked: WalkedRow, monitor: Any, start: Trajectory) -> MeasuredRow:
         return MeasuredRow(walked.request, replace(walked.measurements, path=start))
@@ -113,6 +115,7 @@ def test_a_row_that_does_not_tell_its_path_is_measured_along_that_of_another(mon
     assert notes.lines == ["row A: its face does not tell the camera's path; that of row B is used"]
 
 
+@pytest.mark.slow
 def test_a_row_that_is_not_found_along_another_path_either_keeps_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: object) -> MeasuredRow:
         raise StructureError("row A: no beam")

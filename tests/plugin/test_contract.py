@@ -67,6 +67,7 @@ SOUND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["shelves", "lights", "signs"])
 def test_our_plugins_keep_the_contract(name: str) -> None:
     check_plugin(load_class(name))

@@ -294,7 +294,7 @@ def test_otherwise_rows_fail_and_their_errors_name_plugin_and_hook(place: Path, 
 def test_a_hook_that_ends_its_process_fails_its_row(place: Path, tmp_path: Path) -> None:
     """By dying in one row, and by taking longer than the limit in another; a process in which all goes well goes on."""
     ways: Ways = {"A": {"fails_in": "track by ending the process"}, "B": {"fails_in": "describe by sleeping"}, "C": {}}
-    path = site(place, tmp_path, "fail", ways, plugin_timeout_s=5)  # any hook may be slow on a busy machine
+    path = site(place, tmp_path, "fail", ways, plugin_timeout_s=30)  # any hook may be slow on a busy machine
     with pytest.raises(RowsFailedError) as caught:
         run(path, tmp_path / "out", jobs=2)
     assert caught.value.exit_code == 10

@@ -75,7 +75,7 @@ def test_their_tests_pass_as_written(tmp_path: Path) -> None:
     env = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [*sources, str(tmp_path), *sys.path]))}
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "starts/tests", "points/tests"]
     command += ["-c", "starts/pyproject.toml", "--rootdir", "."]
-    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "18 passed" in done.stdout
 

@@ -76,6 +76,7 @@ def test_a_row_that_cannot_be_compared_hides_no_change_and_is_no_success(
     assert isinstance(run(tmp_path / "old.json", tmp_path / "new.json", "--exit-code")[0], ChangedError)
 
 
+@pytest.mark.slow
 def test_a_scale_that_differs_is_a_change(files: tuple[Path, Path], tmp_path: Path) -> None:
     made = site(2)
     row = made.rows["A"]

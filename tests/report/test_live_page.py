@@ -54,7 +54,7 @@ def server(folder: Path) -> Iterator[LiveServer]:
 
 def answer(server: LiveServer, path: str, **headers: str) -> tuple[int, str]:
     port = int(server.address.rsplit(":", 1)[1].rstrip("/"))
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=600)
     connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
     reply = connection.getresponse()
     text = reply.read(60 if path == "/events" else None).decode() if reply.status == 200 else ""

@@ -119,7 +119,7 @@ def test_notebook_shows_map_and_viewer(tmp_path: Path, monkeypatch: pytest.Monke
         "savmap.view(site_map)",
     ]
     book: Any = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(cell) for cell in cells])
-    nbclient.NotebookClient(book, timeout=120, resources={"metadata": {"path": tmp_path}}).execute()
+    nbclient.NotebookClient(book, timeout=600, resources={"metadata": {"path": tmp_path}}).execute()
     table, beside, record = (cell.outputs[0].data["text/html"] for cell in book.cells[1:])
     assert "<table>" in table
     assert '<iframe src="http://127.0.0.1:' in beside

@@ -37,12 +37,16 @@ def test_no_more_are_made_than_places_are_free(depth: int) -> None:
             made.append(number)
             yield number
 
+    def come_to_rest(count: int) -> None:
+        while len(made) < count:
+            time.sleep(0.01)
+        time.sleep(0.05)
+        assert len(made) == count
+
     with prefetch(numbers(), depth) as items:
-        time.sleep(0.05)
-        assert len(made) == depth
+        come_to_rest(depth)
         assert next(items) == 0
-        time.sleep(0.05)
-        assert len(made) == depth + 1
+        come_to_rest(depth + 1)
 
 
 def test_an_error_comes_where_the_item_would_have_come() -> None:

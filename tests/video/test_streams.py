@@ -3,8 +3,9 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -14,6 +15,7 @@ import pytest
 
 from savmap.errors import OutputError, VideoError
 from savmap.types import Panorama
+from savmap.video import streams
 from savmap.video.clip import Clip
 from savmap.video.reader import panoramas
 from savmap.video.streams import FrameRecorder, camera_frames, growing_folder, paced
@@ -27,9 +29,12 @@ def fill(folder: Path, count: int, pause_s: float = 0.0) -> None:
         time.sleep(pause_s)
 
 
-def test_growing_folder_gives_what_a_run_over_it_reads(tmp_path: Path) -> None:
-    clip = Clip(tmp_path, fps=15, images_fps=30)
+def test_growing_folder_gives_what_a_run_over_it_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time stands while pictures are written."""
+    clip, ticks = Clip(tmp_path, fps=15, images_fps=30), count(0.0, 0.3)
     writer = threading.Thread(target=fill, args=(tmp_path, 12, 0.02))
+    clock = SimpleNamespace(monotonic=lambda: 0.0 if writer.is_alive() else next(ticks), sleep=time.sleep)
+    monkeypatch.setattr(streams, "time", clock)
     writer.start()
     came = list(growing_folder(clip, 1.0))
     writer.join()
@@ -42,7 +47,7 @@ def test_picture_that_is_still_written_is_waited_for(tmp_path: Path) -> None:
     fill(tmp_path, 2)
     content = (tmp_path / "0001.png").read_bytes()
     (tmp_path / "0001.png").write_bytes(content[: len(content) // 2])
-    frames = growing_folder(Clip(tmp_path, fps=30), 2.0)
+    frames = growing_folder(Clip(tmp_path, fps=30), 600.0)
     assert next(frames).frame == 0
     threading.Timer(0.1, (tmp_path / "0001.png").write_bytes, [content]).start()
     assert np.array_equal(next(frames).image, cv2.cvtColor(picture(1), cv2.COLOR_BGR2RGB))

@@ -109,6 +109,7 @@ def test_faint_stains_tell_where_the_floor_is() -> None:
     assert all(2 <= len(track.frames) <= 3 for track in found.tracks)
 
 
+@pytest.mark.slow
 def test_a_height_that_an_earlier_path_gave_saves_the_coarse_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     packed_views = packed_views_of(at_level(stains(np.random.default_rng(1), 1.5), 0.0), noise=1.5)
     face = PlanePatch("face", np.array([0.0, 0.2, 0.0]), *np.eye(3)[:2], np.array([LENGTH_M, 4.0]), 0.01)
@@ -123,6 +124,7 @@ def test_a_height_that_an_earlier_path_gave_saves_the_coarse_sweep(monkeypatch: 
     assert again.share == pytest.approx(first.share, rel=0.002)
 
 
+@pytest.mark.slow
 def test_the_face_mirrored_in_the_floor_is_outvoted() -> None:
     """It is upright: every strip of the floor shows it at another depth."""
     floor = at_level(stains(np.random.default_rng(1), 1.5), 0.0)

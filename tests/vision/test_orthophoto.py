@@ -85,6 +85,7 @@ def found(photo: Orthophoto | None) -> Floats:
     return np.asarray(places[np.argsort(places[:, 0])])
 
 
+@pytest.mark.slow
 def test_marks_come_back_where_they_are() -> None:
     photo = orthophoto(FACE, cut(), PATH)
     assert photo is not None
@@ -104,6 +105,7 @@ def test_what_stands_before_the_face_is_sharp() -> None:
     assert sizes == pytest.approx([0.137, 0.137], abs=0.035)
 
 
+@pytest.mark.slow
 def test_dark_frames_are_as_bright_as_their_neighbours() -> None:
     strips = cut(exposures={3: 0.7, 4: 0.75})
     rows = picture(orthophoto(FACE, strips, PATH))

@@ -63,6 +63,7 @@ def test_bright_things_before_dark_ones_are_not_too_wide(
     assert abs(outward(errors(lines, strips)).mean()) < most
 
 
+@pytest.mark.slow
 def test_normalised_errors_of_what_pieces_tell_have_unit_spread() -> None:
     settings = Subpixel(common_sigma=0.0)
     normalised = []

@@ -74,6 +74,7 @@ def test_face_is_found_whichever_way_the_camera_is_turned(turn: tuple[float, flo
     assert face.travel == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "travel", "side"), [(0.07, 1, "left"), (-0.07, -1, "right")])
 def test_side_is_left_when_moving_towards_plus_x(step: float, travel: int, side: str) -> None:
     pass_ = pass_preview(*TURNS[0], step)

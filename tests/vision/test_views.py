@@ -40,6 +40,7 @@ def panorama(height: int) -> Panorama:
     return Panorama(7, 1.5, colour(rays).round().astype(np.uint8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", VIEWS, ids=lambda spec: spec.name)
 @pytest.mark.parametrize(("height", "largest"), [(512, 4), (1500, 3)])
 def test_view_is_what_the_directions_look_like(spec: ViewSpec, height: int, largest: float) -> None:
@@ -132,6 +133,7 @@ def planes(height: int) -> Planes:
     return Planes(*whole, rgb_from_yuv(0.299, 0.114, full=False))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spec", VIEWS, ids=lambda spec: spec.name)
 @pytest.mark.parametrize("height", [512, 1504])
 def test_planes_give_the_view_that_their_rgb_gives(spec: ViewSpec, height: int) -> None:

@@ -153,6 +153,7 @@ def test_what_the_footage_does_not_tell_stays_at_zero_and_is_named(small: made.W
     assert error(small, found) < 1.2 * error(small, solved(small, None))
 
 
+@pytest.mark.slow
 def test_a_read_out_time_is_found(small: made.World) -> None:
     plain = solved(small, None)
     used, poses = plain.trajectory.frames, plain.trajectory.world_from_rig
@@ -181,6 +182,7 @@ def test_a_read_out_time_is_found(small: made.World) -> None:
     assert float(found.report["calibration read-out, ms"]) == pytest.approx(1e3 * READ_OUT_S, abs=3 * sigma)
 
 
+@pytest.mark.slow
 def test_stretched_elevations_are_found(small: made.World) -> None:
     spoilt = stretched(small)
     plain, found = solved(spoilt, None), solved(spoilt, Calibration(vertical=VerticalScale()))
@@ -208,6 +210,7 @@ def test_biases_are_moved_with_the_picture(small: made.World) -> None:
     np.testing.assert_allclose(whitened, 0.8**2, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -> None:
     for world, share in ((small, 0.0), (stretched(small), STRETCHED)):
         [result] = solve_rows([constrained(world, None)], [list(range(len(world.facts.frames)))])
@@ -223,6 +226,7 @@ def test_a_row_says_by_how_much_its_panoramas_are_stretched(small: made.World) -
     assert asked.vertical_scale is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turn", "bent_deg"), [(0.0, 20.0), (60.0, 5.0), (-40.0, 20.0)])
 def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_deg: float) -> None:
     good = solved(small, None)
@@ -242,6 +246,7 @@ def test_lenses_that_stand_apart_are_found(small: made.World, turn: float, bent_
         assert total == pytest.approx(100 * APART_M, abs=4 * float(found.report["calibration lens distance, sigma cm"]))
 
 
+@pytest.mark.slow
 def test_a_corrected_baseline_is_not_taken_for_a_stretch(small: made.World) -> None:
     """The test of what the calibration leaves open begins with what it corrected, not with its usual values on top."""
     spoilt = bent(small, solved(small, None), Bend("", 0.0, 20.0))
@@ -270,6 +275,7 @@ def test_parts_of_a_baseline_that_cancel_still_bend() -> None:
     assert largest_displacement(parts) == pytest.approx(0.0075)
 
 
+@pytest.mark.slow
 def test_what_the_calibration_estimates_is_not_tested_again(small: made.World) -> None:
     frames = [list(range(len(small.facts.frames)))]
     [plain] = solve_rows([constrained(small, None)], frames)

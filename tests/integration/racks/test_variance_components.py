@@ -48,6 +48,7 @@ def mapped(world: made.World, bias: BiasSettings) -> Solution:
     return solve(merge(camera_priors(world.facts, made.begin(world), made.references(world)), own))
 
 
+@pytest.mark.slow
 def test_a_bad_class_pays_for_itself(rack: made.World) -> None:
     good, bad = made.solved(rack), made.solved(noisier(rack, "upright", 4.0))
     assert width_sigma(bad) > 3 * width_sigma(good)
@@ -63,6 +64,7 @@ def test_a_class_that_does_not_fit_at_all_is_doubted(rack: made.World) -> None:
     assert not made.solved(noisier(rack, "upright", 1.0)).warnings
 
 
+@pytest.mark.slow
 def test_measurements_that_say_nothing_are_no_map(rack: made.World) -> None:
     """Off by 1.7 million times their sigmas, uprights of stretched footage were a map to check, which no command could read."""
     scrambled = [
@@ -94,6 +96,7 @@ def test_an_edge_of_two_minds_is_not_sure(rack: made.World) -> None:
     assert others[0] < 1.3 * others[1]
 
 
+@pytest.mark.slow
 def test_relative_biases_grow_with_the_residuals(rack: made.World) -> None:
     plain, bad = rack, noisier(rack, "beam", 4.0)
     relative, fixed = BiasSettings(0.0, 0.0, 3.0, relative=True), BiasSettings(0.0, 0.0, 3.0)

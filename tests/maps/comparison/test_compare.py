@@ -38,6 +38,7 @@ def bars_of(site: SiteMap) -> list[Structure]:
     return [one for one in site.rows["A"].structures["racks"] if one.label == "bar"]
 
 
+@pytest.mark.slow
 def test_two_maps_of_one_state_differ_in_nothing() -> None:
     told = count = 0
     for seed in range(20):

@@ -19,6 +19,7 @@ def compared(old: SiteMap, new: SiteMap) -> RowComparison:
     return compare_maps(old, new).rows[0]
 
 
+@pytest.mark.slow
 def test_maps_of_one_state_do_not_differ_in_scale() -> None:
     rows = [compared(place.mapped(BAYS, seed), place.mapped(BAYS, 100 + seed)) for seed in range(20)]
     assert [len(row.scales) for row in rows] == [2] * 20
@@ -45,6 +46,7 @@ def test_a_camera_height_that_is_wrong_is_told(factor: float) -> None:
     assert entry["sigma"] == pytest.approx(along.sigma, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_wrong_scale_is_the_inverse_the_other_way() -> None:
     old, new = place.mapped(BAYS, 1), place.scaled(place.mapped(BAYS, 2), 1.063)
     there, back = compared(old, new).scales[0], compared(new, old).scales[0]
@@ -90,6 +92,7 @@ def test_a_row_that_is_turned_has_the_scale_that_it_has() -> None:
     assert row.scale_differs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.85, 1.0635, 1.2])
 def test_long_rows_of_other_scales_are_found_in_one_another(factor: float) -> None:
     """At the ends of a row of 67 m the maps are metres apart, wherever their middles are laid."""

@@ -59,10 +59,11 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     here = [name for name in SAME if name not in LIBRARIES or find_spec(LIBRARIES[name][0].partition(".")[0])]
     settings = {"PYTHONHASHSEED": "7", "SOURCE_DATE_EPOCH": "1770000000"}
     command = [sys.executable, "-c", AGAIN, str(map_file), *here]
-    subprocess.run(command, check=True, timeout=120, env={**os.environ, **settings})
+    subprocess.run(command, check=True, timeout=600, env={**os.environ, **settings})
     return map_file.parent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", each(*SAME))
 def test_the_same_map_gives_the_same_bytes(
     name: str, written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -50,7 +50,7 @@ def one_pass() -> SiteMap:
 
 def _output(*command: str | Path) -> str:
     quiet = {**os.environ, "CI": "1"}  # else rerun reports to its maker, and writes to the home folder
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, env=quiet)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=600, env=quiet)
     assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr
 

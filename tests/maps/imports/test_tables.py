@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from savmap.errors import OutputError, SavmapError
@@ -170,7 +170,8 @@ CELLS = st.one_of(
 )
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@pytest.mark.slow
+@settings(max_examples=150)
 @given(st.lists(st.lists(CELLS, max_size=6), max_size=6), st.sampled_from(";,\t"), st.binary(max_size=4))
 def test_any_table_is_read_or_refused(tmp_path: Path, lines: list[list[str]], part: str, end: bytes) -> None:
     content = "\n".join(part.join(cells) for cells in lines).encode("utf-8", "replace") + end

@@ -97,6 +97,7 @@ def test_a_lamp_cut_by_the_frame_has_no_centre() -> None:
     assert len(parts - {"middle"}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [0.0, 0.05])
 def test_strips_of_the_nearest_line_become_numbered_tracks(noise_m: float) -> None:
     rough = path()
@@ -108,6 +109,7 @@ def test_strips_of_the_nearest_line_become_numbered_tracks(noise_m: float) -> No
     assert all(t.label == "light" for t in tracks)
 
 
+@pytest.mark.slow
 def test_what_shows_in_few_frames_is_no_lamp_however_often_it_is_seen_in_them() -> None:
     ghost = np.array([[[4.6, HEIGHT_M, LINE_Z_M], [5.0, HEIGHT_M, LINE_Z_M]]])
     flashes = [feature for feature in features_of([ghost]) if feature.frame % 3 == 0]
@@ -162,6 +164,7 @@ def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
     assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lit", [True, False])
 def test_lamps_whose_sides_show_nowhere_say_so(lit: bool) -> None:
     squares = ends()

@@ -70,6 +70,7 @@ def test_training_reads_the_set(tmp_path: Path) -> None:
     assert len(samples) == 2
 
 
+@pytest.mark.slow
 def test_lamps_are_brighter_than_what_is_about_them() -> None:
     lit, rest = [], []
     for number in range(8):

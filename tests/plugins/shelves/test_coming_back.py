@@ -49,6 +49,7 @@ def earlier() -> RowMap:
     return mapped(located("A", rack(*LEVELS), 1, References(lengths=(LENGTH,))))
 
 
+@pytest.mark.slow
 def test_a_pass_without_references_lies_in_the_map(earlier: RowMap) -> None:
     levels = [*LEVELS[1:]]
     levels[1] = [0.2, 1.8, 3.4, 5.2]

@@ -35,6 +35,7 @@ def empty_row(clothes: Wardrobe, camera: Camera, style_seed: int, judged: bool =
     return painted(stage.faces(), clothes.atlas, light, camera, (640, 480), 4).mask, row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style_seed", range(4))
 def test_masks_agree_with_the_rack(clothes: Wardrobe, style_seed: int) -> None:
     camera = camera_at(np.array([1.75, 1.3, 5.0]), 0.0, 0.0, 0.0, 60.0)
@@ -75,6 +76,7 @@ def test_rows_seen_from_behind_are_not_judged(clothes: Wardrobe) -> None:
     assert set(np.unique(mask)) == {0, 255}
 
 
+@pytest.mark.slow
 def test_a_number_gives_one_picture() -> None:
     first, mask = picture(11, 3)
     pictures._wardrobe.cache_clear()
@@ -86,6 +88,7 @@ def test_a_number_gives_one_picture() -> None:
     assert np.abs(first.astype(int) - other).mean() > 10
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_training_reads(tmp_path: Path) -> None:
     main(["--count", "3", "--seed", "11", "-o", str(tmp_path)])
     before = (tmp_path / "images/painted-11-000001.jpg").stat().st_mtime_ns

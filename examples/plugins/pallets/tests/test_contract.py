@@ -18,6 +18,7 @@ from savmap_pallets.plugin import Pallets
 ROW = Path(__file__).parents[1] / "row.yaml"
 
 
+@pytest.mark.slow
 def test_contract() -> None:
     check_plugin(Pallets)
 

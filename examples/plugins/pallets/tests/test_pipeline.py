@@ -101,6 +101,7 @@ def test_a_mask_at_the_border_is_told() -> None:
     assert {one.part for one in found} == {CUT}
 
 
+@pytest.mark.slow
 def test_every_pallet_is_tracked_along_x(tracks: list[Track]) -> None:
     assert [track.name for track in tracks] == ["pallet 1", "pallet 2", "pallet 3"]
     assert all(len(np.unique(track.frames)) >= 5 for track in tracks)
@@ -111,6 +112,7 @@ def test_other_things_are_no_pallets(features: list[Feature]) -> None:
         track_pallets(features, made.facts(), made.path(), 1.8 * made.SIZE)
 
 
+@pytest.mark.slow
 def test_the_joint_solve_finds_place_and_turn(tracks: list[Track], solution: Solution) -> None:
     found = describe(tracks, solution, made.SIZE, "pallets")
     pairs = matches(found, [SurveyedPallet(**entry) for entry in SURVEY["pallets"]])
