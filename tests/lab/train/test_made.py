@@ -147,7 +147,7 @@ def test_a_killed_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pyt
 
     losses: list[float] = []
     run.save(file, state(ends_at=3, falls_from=0), Trainer(build(2, None), run.SETTINGS))
-    monkeypatch.setattr(run, "report", lambda *given: True)
+    monkeypatch.setattr(run, "report", lambda *given: None)
     monkeypatch.setattr(run, "written", lambda *given: None)
     run.train(tmp_path, file, *run.restored(file))
     whole, (before, trainer) = list(losses), run.restored(file)
@@ -191,7 +191,7 @@ def test_a_fallen_rate_ends_in_both_precisions(tmp_path: Path, monkeypatch: pyte
     assert "face: post IoU" not in said  # two pictures of three that are to be held out
     add(tmp_path / "pictures" / HELD_OUT / "face", KINDS["face"], 2, CLASSES, 9)
     network = Trainer(build(2, None), run.SETTINGS)
-    assert run.report(state(), network, run.Pictures(tmp_path, KINDS, CLASSES))
+    run.report(state(), network, run.Pictures(tmp_path, KINDS, CLASSES))
     assert "face: post IoU" in (tmp_path / run.LOG).read_text()
 
 

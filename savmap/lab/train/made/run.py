@@ -44,6 +44,8 @@ SETTINGS = Hyperparameters(
 WARM_UP_STEPS = 500
 DATA_SHARE = 0.2
 SAID_EVERY_S, SAVED_EVERY_S = 60.0, 600.0
+MEASURED_EVERY = 2_000
+"""Crops: to measure takes as long as 120 of them, on a busy machine too."""
 LEAST_PICTURES = 100
 CHECKPOINT, DECAYED, LOG = "checkpoint.pt", "decayed", "train.log"
 
@@ -170,7 +172,7 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
         time.sleep(1.0)
         pictures.refresh()
     said = saved = time.monotonic()
-    cpu, before, losses, measured = time.process_time(), replace(state), list[float](), False
+    cpu, before, losses = time.process_time(), replace(state), list[float]()
     say(folder, f"going on after {state.crops} crops")
     while state.ends_at is None or state.steps < state.ends_at:
         began = time.monotonic()
@@ -186,8 +188,8 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
             pictures.refresh()
             if not maker.is_alive():
                 say(folder, "no process makes pictures any more; those that are there are used")
-            if not measured or now - saved > SAVED_EVERY_S:
-                measured = report(state, trainer, pictures) or measured
+            if state.crops // MEASURED_EVERY > before.crops // MEASURED_EVERY:
+                report(state, trainer, pictures)
             if now - saved > SAVED_EVERY_S:
                 save(file, state, trainer)
                 saved = time.monotonic()
@@ -206,19 +208,17 @@ def written(output: Path, state: State, trainer: Trainer, pictures: Pictures) ->
     say(output.parent, f"{output} and its 8-bit version are written")
 
 
-def report(state: State, trainer: Trainer, pictures: Pictures) -> bool:
+def report(state: State, trainer: Trainer, pictures: Pictures) -> None:
     """Say what the averaged network makes of each kind that is held out: intersection over union and edges' spread of
-    the classes that are needed; whether there is any."""
+    the classes that are needed."""
     names = [name for name in state.classes if not name.endswith(SIDE)]
-    kinds = pictures.held_out()
-    for kind, samples in kinds.items():
+    for kind, samples in pictures.held_out().items():
         scores = measure(predictor(trainer.average.network), samples, state.classes)
         figures = (
             f"{name} IoU {scores[name].get('iou', np.nan):.3f} spread {scores[name].get('spread_px', np.nan):.2f} px"
             for name in names
         )
         say(pictures.folder, f"{state.crops:9d} crops  {kind}: {', '.join(figures)}")
-    return bool(kinds)
 
 
 def run(folder: Path, plugin: str | None, init: Path | None, share: float | None) -> None:
