@@ -119,8 +119,8 @@ def _camera_pictures(address: str, recording: Path) -> Source:
 def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "StreamCopy") -> Source:
     """Pictures with their times. The last packet of a source may be cut off, and whether a decoder with several threads
     calls its picture damaged changes from run to run: it is not recorded."""
-    reformatter, first_s, clock = VideoReformatter(), None, _Clock(stream)
-    packets = source.demux(stream)
+    reformatter, first_s = VideoReformatter(), None
+    packets = _going_on(source.demux(stream), stream)
     latest: av.Packet[VideoStream] | None = None
     while True:
         try:
@@ -129,7 +129,6 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
             raise VideoError(f"{address}: the source is lost ({_why(error, READING_S)})") from error
         if packet is None:
             return
-        clock.mend(packet)
         frames: list[VideoFrame] = []
         with suppress(av.error.InvalidDataError):
             frames = [frame for frame in packet.decode() if isinstance(frame, VideoFrame)]
@@ -143,30 +142,26 @@ def _copied(address: str, source: InputContainer, stream: VideoStream, copy: "St
                 yield frame.time - first_s, partial(picture_of, frame, reformatter)
 
 
-class _Clock:
-    """Mends the times of packets that have none, or whose times do not go on: each then comes after the one before by
-    the time that it took to come, or by a frame's time where that is more, and those that follow go on from there."""
-
-    def __init__(self, stream: VideoStream) -> None:
-        self.tick = stream.time_base or MILLISECOND
-        self.frame = max(round(1 / (stream.average_rate or USUAL_RATE) / self.tick), 1)
-        self.shift, self.came_s, self.said = 0, 0.0, False
-        self.last: int | None = None
-
-    def mend(self, packet: "av.Packet[VideoStream]") -> None:
-        """Set a packet's times."""
-        if not packet.size:
-            return
-        now_s, given = time.monotonic(), packet.pts if packet.dts is None else packet.dts
-        if given is None or (self.last is not None and not 0 < given + self.shift - self.last <= READING_S / self.tick):
-            waited = 0 if self.last is None else max(round((now_s - self.came_s) / self.tick), self.frame)
-            self.shift = (self.last or 0) + waited - (given or 0)
-            if not self.said:
+def _going_on(packets: "Iterable[av.Packet[VideoStream]]", stream: VideoStream) -> "Iterator[av.Packet[VideoStream]]":
+    """Packets whose times go on: one without a time, or with one that does not, comes as long after the one before as
+    it took to come, at least by a frame's time; those that follow go on from there. The first time is said."""
+    tick = stream.time_base or MILLISECOND
+    frame = max(round(1 / (stream.average_rate or USUAL_RATE) / tick), 1)
+    shift, came_s, mended = 0, 0.0, False
+    last: int | None = None
+    for packet in packets:
+        given = packet.pts if packet.dts is None else packet.dts
+        before_s, came_s = came_s, time.monotonic()
+        if packet.size and (given is None or (last is not None and not 0 < given + shift - last <= READING_S / tick)):
+            due = 0 if last is None else last + max(round((came_s - before_s) / tick), frame)
+            shift = due - (given or 0)
+            if not mended:
                 log.warning("the camera's times are missing, stand still or jump: pictures count from when they came")
-            self.said = True
-        packet.pts = self.shift + (packet.pts or given or 0)
-        packet.dts = self.last = self.shift + (given or 0)
-        self.came_s = now_s
+            mended = True
+        if packet.size:
+            packet.pts, packet.dts = shift + (packet.pts or given or 0), shift + (given or 0)
+            last = packet.dts
+        yield packet
 
 
 def _why(error: Exception, waited_s: float = 0.0) -> str:

@@ -51,8 +51,7 @@ SAME_DIGITS = 6
 TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "TOLERANCE"})
 """What is no element, and is not missed."""
 CURVES = frozenset({"CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX"})
-FACES_AND_LINES = frozenset({"LINE", "3DFACE"})
-READ = CURVES | FACES_AND_LINES | {"POINT", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "MESH", "MLINE"}
+READ = CURVES | {"LINE", "3DFACE", "POINT", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "MESH", "MLINE"}
 CONTROL_POINT = 16
 """Flag of a vertex of a fitted polyline that is not on it."""
 CHORDS, FLAT = 32, 1e-6
@@ -212,7 +211,7 @@ class _ModelSpace:
             is_curved = kind in CURVES or (is_line and entity.has_arc)
             is_path = is_curved or is_line
             given = list(make_path(entity).approximate(CHORDS) if is_path else make_primitive(entity).vertices())
-            is_open = kind in FACES_AND_LINES or (is_path and not given[0].isclose(given[-1]))
+            is_open = kind in ("LINE", "3DFACE") or (is_path and not given[0].isclose(given[-1]))
             if is_line and entity.has_width:
                 given += make_primitive(entity).vertices()
             up = entity.dxf.extrusion * entity.dxf.thickness if entity.dxf.hasattr("thickness") else None
