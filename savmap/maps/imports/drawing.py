@@ -52,6 +52,8 @@ TEXTS = frozenset({"TEXT", "MTEXT", "ATTDEF", "ATTRIB", "DIMENSION", "LEADER", "
 """What is no element, and is not missed."""
 CURVES = frozenset({"CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX"})
 READ = CURVES | {"LINE", "3DFACE", "POINT", "LWPOLYLINE", "POLYLINE", "SOLID", "TRACE", "MESH", "MLINE"}
+GONE = re.compile(r"Deleted |Removed [A-Z]+\(#")
+"""What ezdxf says of an entity that it takes away."""
 CONTROL_POINT = 16
 """Flag of a vertex of a fitted polyline that is not on it."""
 CHORDS, FLAT = 32, 1e-6
@@ -89,12 +91,14 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
     try:
         from ezdxf import recover
 
-        document, _ = recover.read(io.BytesIO(content))
+        document, audit = recover.read(io.BytesIO(content))
         number = int(document.header.get("$INSUNITS", 0))
         if options.unit is None and number not in DXF_UNITS:
             raise OutputError(f"says no unit of length that is read ($INSUNITS is {number}): say it, such as --unit mm")
         metres = UNITS[options.unit or DXF_UNITS[number]]
         drawing = _ModelSpace(document, given.keys())
+        gone = sum(1 for fix in audit.fixes if GONE.match(fix.message))
+        drawing.unread["damaged, or of a missing block"] += gone
     except OutputError as error:
         raise OutputError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
@@ -207,10 +211,14 @@ class _ModelSpace:
             if kind in ("SPLINE", "HELIX") and not entity.construction_tool().is_clamped:
                 return nothing, False  # ezdxf takes it from beyond its first knots
             if kind == "POLYLINE":
-                entity.vertices[:] = [vertex for vertex in entity.vertices if not vertex.dxf.flags & CONTROL_POINT]
+                drawn = [v for v in entity.vertices if not (v.is_face_record or v.dxf.flags & CONTROL_POINT)]
+                entity.vertices[:] = drawn
             is_curved = kind in CURVES or (is_line and entity.has_arc)
             is_path = is_curved or is_line
-            given = list(make_path(entity).approximate(CHORDS) if is_path else make_primitive(entity).vertices())
+            if is_path:
+                given = list(make_path(entity).approximate(CHORDS))
+            else:
+                given = list(entity.points() if kind == "POLYLINE" else make_primitive(entity).vertices())
             is_open = kind in ("LINE", "3DFACE") or (is_path and not given[0].isclose(given[-1]))
             if is_line and entity.has_width:
                 given += make_primitive(entity).vertices()
@@ -220,7 +228,8 @@ class _ModelSpace:
             return nothing, False
         self._spend(0, len(points))
         if is_curved:
-            wide = np.ptp(points, axis=0) > FLAT * np.ptp(points)
+            widths = np.ptp(points, axis=0)
+            wide = widths > FLAT * widths.max()
             far = [*points.argmin(axis=0)[wide], *points.argmax(axis=0)[wide]]
             points = points[[0, -1, *far] if is_open else far]
         if up is not None:

@@ -71,6 +71,14 @@ def polymesh(document: Any, space: Any) -> None:
             mesh.set_mesh_vertex((m, n), (5 + m, 2 * n, 1))
 
 
+def smooth_polymesh(document: Any, space: Any) -> None:
+    """A mesh of lines that was smoothed: the points that control it are not on it."""
+    polymesh(document, space)
+    mesh = space[0]
+    mesh.dxf.flags |= 4
+    mesh.append_vertices([(9, 9, 9)], dxfattribs={"flags": 64 | 16})
+
+
 def mesh(levels: int) -> Draw:
     def draw(document: Any, space: Any) -> None:
         made = space.add_mesh(dxfattribs=POST | {"subdivision_levels": levels})
@@ -206,6 +214,7 @@ DRAWN: dict[str, tuple[Draw, list[list[list[float]]]]] = {
     ),
     "polyface": (polyface, [[[5, 0, 0], [5, 2, 1], [6, 0, 0], [6, 2, 0]]]),
     "polymesh": (polymesh, [[[5, 0, 1], [5, 2, 1], [6, 0, 1], [6, 2, 1]]]),
+    "polymesh, smoothed": (smooth_polymesh, [[[5, 0, 1], [5, 2, 1], [6, 0, 1], [6, 2, 1]]]),
     "mesh": (mesh(0), [SQUARE_3D]),
     "faces that touch": (
         lambda d, s: [s.add_3dface([(0, 0, 0), (1, 0, 0), point], dxfattribs=POST) for point in ((1, 2, 0), (0, 2, 0))],
@@ -219,6 +228,10 @@ DRAWN: dict[str, tuple[Draw, list[list[list[float]]]]] = {
     "circle": (
         lambda d, s: s.add_circle((5, 0, 1), 2, dxfattribs=POST),
         [[[3, 0, 1], [5, -2, 1], [5, 2, 1], [7, 0, 1]]],
+    ),
+    "circle far away": (
+        lambda d, s: s.add_circle((32e6, 5e6, 1), 2, dxfattribs=POST),
+        [[[31999998, 5e6, 1], [32e6, 4999998, 1], [32e6, 5000002, 1], [32000002, 5e6, 1]]],
     ),
     "circle, mirrored": (
         lambda d, s: s.add_circle((5, 0, 1), 2, dxfattribs=POST | DOWN),
@@ -308,6 +321,11 @@ LEFT_OUT: dict[str, tuple[Draw, list[list[list[float]]], str]] = {
     ),
     "paper space": (in_paper, [[[1, 2, 3]]], "1 LINE in paper space"),
     "another file": (other_file, [[[1, 2, 3]]], "1 block other in another file (XREF)"),
+    "block that is missing": (
+        lambda d, s: (s.add_blockref("none", (0, 0), dxfattribs=POST), s.add_point((1, 2, 3), dxfattribs=BAR)),
+        [[[1, 2, 3]]],
+        "1 damaged, or of a missing block",
+    ),
     "clipped block": (clipped, [L], "1 clipping (XCLIP) of block b"),
     "smooth mesh": (
         lambda d, s: (mesh(2)(d, s), s.add_point((1, 2, 3), dxfattribs=BAR)),
