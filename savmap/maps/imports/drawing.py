@@ -97,8 +97,7 @@ def read_drawing(path: Path, options: ImportOptions, labels: Mapping[str, str]) 
             raise OutputError(f"says no unit of length that is read ($INSUNITS is {number}): say it, such as --unit mm")
         metres = UNITS[options.unit or DXF_UNITS[number]]
         drawing = _ModelSpace(document, given.keys())
-        gone = sum(1 for fix in audit.fixes if GONE.match(fix.message))
-        drawing.unread["damaged, or of a missing block"] += gone
+        drawing.unread["damaged, or of a missing block"] += sum(bool(GONE.match(fix.message)) for fix in audit.fixes)
     except OutputError as error:
         raise OutputError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
