@@ -270,7 +270,8 @@ def _show(received: Connection, shown: Shown | None) -> None:
 
 class DaskExecutor:
     """A Dask scheduler's workers (extra `cluster`), which do what processes of this machine would do, and give the same
-    bytes where processors and BLAS kernels are equal. Work whose worker dies is given to another one, up to the scheduler's `allowed-failures`.
+    bytes where processors and BLAS kernels are equal. Work whose worker dies is given to another one, up to the
+    scheduler's `allowed-failures`.
 
     Only this process writes files. Workers read the footage, so it must be where they can read it: a shared folder, or
     a URL.
