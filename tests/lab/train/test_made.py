@@ -123,7 +123,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "practice_kinds", lambda plugin, classes: KINDS)
     monkeypatch.setattr(run.torch, "set_num_threads", lambda count: None)
     monkeypatch.setattr(run.cv2, "setNumThreads", lambda count: None)
-    monkeypatch.setattr(run.os, "nice", lambda more: 0)
+    monkeypatch.setattr(run, "give_way", lambda: None)
 
 
 @pytest.mark.slow

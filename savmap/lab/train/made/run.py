@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -221,10 +221,19 @@ def report(state: State, trainer: Trainer, pictures: Pictures) -> None:
         say(pictures.folder, f"{state.crops:9d} crops  {kind}: {', '.join(figures)}")
 
 
+def give_way() -> None:
+    """Let all other programs go first. Linux may share processors out by session, not by process (autogroup): then the
+    session's share is lowered, too, where nothing but this began in it."""
+    os.nice(19)
+    if os.getsid(0) == os.getpid():
+        with suppress(OSError):
+            Path("/proc/self/autogroup").write_text("19", encoding="ascii")
+
+
 def run(folder: Path, plugin: str | None, init: Path | None, share: float | None) -> None:
     """Begin a training with an ONNX file, or go on; or let the rate fall over the last `share` of all steps, from the
     checkpoint, which stays as it is. Raises SavmapError."""
-    os.nice(19)
+    give_way()
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     with locked(folder):
