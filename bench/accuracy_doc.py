@@ -115,7 +115,7 @@ CLAIMS = (
     ),
     Claim(
         "Wrong input",
-        "Wrong references and clips, 64 ways on four rows ([verdict](verdict.md)). Uncheckable: the map says that nobody would notice.",
+        "Wrong references and clips, 64 ways on four rows ([verdict](verdict.md)). Uncheckable: the map says that such an error would stay hidden.",
         ("physics, rows demo 5003 7101 7102",),
     ),
 )

@@ -11,7 +11,6 @@ usual rows where there is no next. With `--keep`, each case's result is kept in 
 import argparse
 import copy
 import json
-import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -66,13 +65,11 @@ class Filmed:
 
 @dataclass(frozen=True)
 class Case:
-    """A way to be wrong: `change` gives the site's content and the folder that its footage is in. `off_m`: by how much one reference is
-    wrong. A warning of one of the `codes`, or a refusal, must contain one of the `words`."""
+    """A way to be wrong: `change` gives the site's content and the folder that its footage is in. A warning of one of the `codes`, or a refusal, must contain one of the `words`."""
 
     name: str
     change: Callable[[Filmed], tuple[Content, Path]]
     words: tuple[str, ...] = ("",)
-    off_m: float = np.inf
     codes: Sequence[WarningCode] = ("reference-conflict", "doubtful-scale")
 
 
@@ -189,29 +186,27 @@ def with_point(vertex: str, value: float) -> Callable[[Content, Content], None]:
 def reference_cases(row: Filmed) -> Iterator[Case]:
     """Each reference off by some sigmas and by slips of the hand."""
 
-    def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
-        return Case(name, references_only(change), words or ("",), off_m)
+    def case(name: str, change: Callable[[Content, Content], None], *words: str) -> Case:
+        return Case(name, references_only(change), words or ("",))
 
     yield case(NOTHING, lambda _, __: None)
     for times in TIMES:
-        yield case(f"camera height {times} sigma off", camera_off(0.02 * times), "camera height", off_m=0.02 * times)
-        yield case(f"length {times} sigma off", length_off(0.003 * times), "length", off_m=0.003 * times)
+        yield case(f"camera height {times} sigma off", camera_off(0.02 * times), "camera height")
+        yield case(f"length {times} sigma off", length_off(0.003 * times), "length")
         for section in range(len(heights(row.content))):
             off = 0.002 * times
             name = f"height of the lowest edge of bay {section + 1}"
-            yield case(f"height {section + 1} {times} sigma off", height_off(section, off), name, off_m=off)
+            yield case(f"height {section + 1} {times} sigma off", height_off(section, off), name)
     last = len(heights(row.content))
-    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"bay {last}", off_m=0.05)
-    yield case("a height typed 5 cm too low", height_off(0, -0.05), "bay 1", off_m=0.05)
+    yield case("a height typed 5 cm too high", height_off(last - 1, 0.05), f"bay {last}")
+    yield case("a height typed 5 cm too low", height_off(0, -0.05), "bay 1")
     yield case("two heights swapped", heights_as(swapped), "height of the lowest edge")
     yield case("a height in cm", heights_as(lambda values: [*values[:-1], 100 * values[-1]]), "bay", "values")
     yield case("heights in cm", heights_as(lambda values: [100 * value for value in values]), "height", "values")
     yield case("heights in units of 100 m", heights_as(lambda values: [value / 100 for value in values]), "height")
     for metres in (-0.5, -0.1, 0.1, 0.5):
-        yield case(f"camera {metres:+.1f} m", camera_off(metres), "camera height", off_m=abs(metres))
-        yield case(
-            f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height", off_m=abs(metres)
-        )
+        yield case(f"camera {metres:+.1f} m", camera_off(metres), "camera height")
+        yield case(f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height")
     yield case("length in units of 10 m", length_times(0.1), "length")
     yield case("length to the upright before", one_bay_short, "length")
     yield case("another row's heights", others_heights, "height of the lowest edge", "its height is not used")
@@ -263,26 +258,26 @@ def more_reference_cases(row: Filmed) -> Iterator[Case]:
     height = beam[1] - beam[0]
     edges = [f"bay 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
 
-    def case(name: str, change: Callable[[Content, Content], None], *words: str, off_m: float = np.inf) -> Case:
-        return Case(name, references_only(change), words, off_m)
+    def case(name: str, change: Callable[[Content, Content], None], *words: str) -> Case:
+        return Case(name, references_only(change), words)
 
-    yield case("length between inner edges", length_off(-width), "length", off_m=width)
+    yield case("length between inner edges", length_off(-width), "length")
     upper = heights_as(lambda values: [value + height for value in values])
-    yield case("heights of the upper edges", upper, "height", off_m=height)
+    yield case("heights of the upper edges", upper, "height")
     yield case("the length given twice", with_length(between, length))
-    yield case("twice, once 5 cm more", with_length(between, length + 0.05), "length", off_m=0.05)
-    yield case("twice, once 50 cm more", with_length(between, length + 0.5), "length", off_m=0.5)
+    yield case("twice, once 5 cm more", with_length(between, length + 0.05), "length")
+    yield case("twice, once 50 cm more", with_length(between, length + 0.5), "length")
     yield case("a tape's length", with_length(edges, height, "y"))
     words = ("length bay 1", "height of the lowest edge of bay 1")
-    yield case("a tape's length 5 cm off", with_length(edges, height + 0.05, "y"), *words, off_m=0.05)
+    yield case("a tape's length 5 cm off", with_length(edges, height + 0.05, "y"), *words)
     x = row.survey["uprights"][1][0]
     yield case("a surveyed place", with_point("upright 2 / left", x))
-    yield case("a surveyed place 10 cm off", with_point("upright 2 / left", x + 0.1), "surveyed", off_m=0.1)
+    yield case("a surveyed place 10 cm off", with_point("upright 2 / left", x + 0.1), "surveyed")
     yield case("a place from the other end", with_point("upright 2 / left", length - x), "surveyed")
     bay, pitch = ("upright 2 / left", "upright 3 / left"), row.survey["uprights"][2][0] - row.survey["uprights"][1][0]
     yield case("a bay's width", with_length(bay, pitch))
-    yield case("a bay's width 5 cm off", with_length(bay, pitch + 0.05), "length", off_m=0.05)
-    yield case("a bay's width 50 cm off", with_length(bay, pitch + 0.5), "length", off_m=0.5)
+    yield case("a bay's width 5 cm off", with_length(bay, pitch + 0.05), "length")
+    yield case("a bay's width 50 cm off", with_length(bay, pitch + 0.5), "length")
 
 
 ANYTHING = ("contradict", "bays were found", "no such thing", "part of the row", "the rest says", "height", "fit")
@@ -401,7 +396,7 @@ class Unchanged:
 @dataclass(frozen=True)
 class Ending:
     """How a row ended: `trusted`, `check` or `refused`, why as far as it is about the case, the largest error that the change made, m, whether
-    the map told how large an error of this reference nobody would notice, and warnings about other things, other than the unchanged row's."""
+    the map told that such an error would stay hidden, and warnings about other things, other than the unchanged row's."""
 
     grade: str
     reason: str
@@ -476,7 +471,7 @@ def ending(case: Case, row: Filmed, output: Path, before: Unchanged) -> Ending:
         return Ending("refused", reason)
     worst = made_wrong(errors(found, row.survey), before.errors)
     assert found.verdict is not None
-    told = any(_unnoticed(note, case.words) >= case.off_m for note in found.verdict.notes)
+    told = worst <= max((part.unchecked_m or 0.0 for part in found.structures[PLUGIN]), default=0.0)
     warnings = [
         warning
         for warning in found.verdict.warnings
@@ -487,16 +482,8 @@ def ending(case: Case, row: Filmed, output: Path, before: Unchanged) -> Ending:
     return Ending(found.verdict.grade, true, worst, told, others)
 
 
-def _unnoticed(note: str, words: Sequence[str]) -> float:
-    """The error of a reference that a note says nobody would notice, m."""
-    if note.startswith(("one reference gives", "nothing checks")):
-        return np.inf if any(word and word in note for word in words) else 0.0
-    sizes = re.findall(r"of ([\d.]+) m in ([^;]+?)(?=;|$)", note)
-    return max((float(size) for size, name in sizes if any(word and word in name for word in words)), default=0.0)
-
-
 def judged(case: Case, found: Ending) -> str:
-    """In a word: `right`, `uncheckable` where the map says that such an error would not be noticed, or what is bad. A warning about something
+    """In a word: `right`, `uncheckable` where the map says that such an error would stay hidden, or what is bad. A warning about something
     else is no excuse for a wrong map."""
     if case.name == NOTHING:
         return "FALSE ALARM" if found.reason or found.others else "right"

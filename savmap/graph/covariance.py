@@ -26,7 +26,8 @@ class Covariance:
 
     `shared` (k, k): covariance of the shared unknowns; `step` (k,): the step that brings these to their optimum.
     `followed` (3m, c): how far the points move with each shared unknown that is not estimated, for one standard
-    deviation; `points` contains it.
+    deviation; `points` contains it. `hidden` (k, 3m): how far they move with each error of references that would stay
+    hidden, m; `points` does not contain it.
     """
 
     keys: tuple[int, ...]
@@ -35,6 +36,7 @@ class Covariance:
     shared: Floats
     step: Floats
     followed: Floats
+    hidden: Floats
 
     def of(self, keys: list[int]) -> Floats:
         """Joint covariance (3n, 3n) of some variables."""
@@ -46,6 +48,13 @@ class Covariance:
         """The part (3n, 3n) of their joint covariance that comes from shared unknowns which are not estimated."""
         followed = self.followed[self._slots(keys)]
         part: Floats = followed @ followed.T
+        return part
+
+    def estimated_with(self, keys: list[int]) -> Floats:
+        """The covariance (3m, 3n) of all variables with some, but for what comes from shared unknowns which are not
+        estimated: how the estimate follows these."""
+        slots = self._slots(keys)
+        part: Floats = self.points[:, slots] - self.followed @ self.followed[slots].T
         return part
 
     def _slots(self, keys: list[int]) -> Ints:
@@ -85,7 +94,9 @@ def covariance(
         cameras = reduced.variances(joint)[layout.slots(layout.of_kind(CENTRE))[:, None] + np.arange(3)]
         joint, followed = joint[np.ix_(chosen, chosen)], followed[chosen]
     size = len(points)
-    return Covariance(tuple(keys), joint[:size, :size], cameras, joint[size:, size:], step[biases], followed[:size])
+    of_points, of_shared = joint[:size, :size], joint[size:, size:]
+    nothing = np.zeros((0, size))
+    return Covariance(tuple(keys), of_points, cameras, of_shared, step[biases], followed[:size], nothing)
 
 
 def _joint(

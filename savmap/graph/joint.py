@@ -38,14 +38,15 @@ from savmap.graph.normal_equations import SharedUnknowns
 from savmap.graph.problem import Problem
 from savmap.graph.references import CameraHeight
 from savmap.graph.solver.checks import checked
-from savmap.graph.solver.judgement.contradictions import UNCHECKED
 from savmap.graph.solver.judgement.reference_tests import tested_keys
+from savmap.graph.solver.judgement.unchecked import ANY_ERROR
 from savmap.graph.solver.levenberg_marquardt import minimum
 from savmap.graph.solver.optimise import (
     Iterate,
     bias_unknowns,
     converged,
     solution_of,
+    with_hidden,
 )
 from savmap.graph.solver.solution import Solution
 from savmap.types import Floats, Ints, MapWarning
@@ -158,7 +159,8 @@ class JointRows:
         _require_pictures_fit(self.iterates, moved)
         wanted = {rekey(key, row) for row, iterate in enumerate(moved) for key in tested_keys(iterate.problem)}
         tested = _parts(moved, self._covariance(moved, values, wanted))
-        reported = _parts(moved, self._covariance([iterate.reported for iterate in moved], values))
+        whole = self._covariance([iterate.reported for iterate in moved], values)
+        reported = _parts(moved, with_hidden(moved, whole))
         solutions = [
             solution_of(replace(joint, problem=single.problem), Covariances(*parts))
             for single, joint, *parts in zip(self.iterates, moved, tested, reported, strict=True)
@@ -171,7 +173,7 @@ class JointRows:
 
     def _by_itself(self, row: Solution) -> tuple[str, ...]:
         """What nothing would notice in a row by itself: the others' references give the scale of all."""
-        if not any(UNCHECKED in line for line in row.unchecked):
+        if not any(ANY_ERROR in line for line in row.unchecked):
             return row.unchecked
         return (*row.unchecked, f"{self._names} are solved together: another's references count here, too")
 
@@ -252,6 +254,7 @@ def _parts(iterates: Sequence[Iterate], whole: Covariance) -> list[Covariance]:
                 whole.shared[bias, bias],
                 whole.step[bias],
                 whole.followed[slots],
+                whole.hidden[:, slots],
             )
         )
     return parts

@@ -38,7 +38,7 @@ def joint_covariance(structures: Mapping[str, Sequence[Structure]], solution: So
     coordinates = {
         plugin: {name: number_of[numbers] for name, numbers in group.items()} for plugin, group in slots_by_id.items()
     }
-    return JointCovariance(coordinates, covariance[np.ix_(first, first)])
+    return JointCovariance(coordinates, covariance[np.ix_(first, first)], solution.covariance.hidden[:, slots[first]])
 
 
 @dataclass(frozen=True, eq=False)

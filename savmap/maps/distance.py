@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,8 +84,13 @@ def vertex_distance(site: SiteMap, first: str, second: str) -> VertexDistance:
     if joint is None:
         covariance = a.structure.covariances[a.number] + b.structure.covariances[b.number]
         return VertexDistance(a, b, difference, covariance, NOT_JOINT)
-    covariance = joint.of_difference(*((end.plugin, end.structure, end.number) for end in (a, b)))
-    return VertexDistance(a, b, difference, covariance, _assumptions(site, a, b))
+    start, end = ((vertex.plugin, vertex.structure, vertex.number) for vertex in (a, b))
+    distance = VertexDistance(a, b, difference, joint.of_difference(start, end), _assumptions(site, a, b))
+    hidden_m = np.linalg.norm(joint.moves(*end) - joint.moves(*start), axis=1).max(initial=0.0)
+    if hidden_m <= distance.sigma_m:
+        return distance
+    said = f"not checked by a second reference: an error of {1000 * hidden_m:.0f} mm would stay hidden"
+    return replace(distance, remark="; ".join(filter(None, (distance.remark, said))))
 
 
 def _between_rows(site: SiteMap, a: MapVertex, b: MapVertex) -> VertexDistance:

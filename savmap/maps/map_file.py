@@ -217,7 +217,8 @@ def _joint_entry(joint: JointCovariance) -> Entry:
         for plugin, group in joint.coordinates.items()
     }
     text = base64.b64encode(triangle.tobytes()).decode("ascii")
-    return {"size": len(joint.covariance), "coordinates": coordinates, "covariance_m2": text}
+    hidden = {"unchecked_m": [_rounded(line, COORDINATE) for line in joint.hidden]} if len(joint.hidden) else {}
+    return {"size": len(joint.covariance), "coordinates": coordinates, "covariance_m2": text, **hidden}
 
 
 def _reference_entry(use: ReferenceUse) -> Entry:
@@ -333,7 +334,10 @@ def _joint(row: schema.RowEntry) -> JointCovariance | None:
         }
         for plugin, group in row.joint.coordinates.items()
     }
-    return JointCovariance(coordinates, _joint_matrix(row.joint))
+    if any(len(line) != row.joint.size for line in row.joint.unchecked_m):
+        raise ValueError(f"joint: unchecked_m should be lines of {row.joint.size} numbers")
+    hidden = {"hidden": np.array(row.joint.unchecked_m)} if row.joint.unchecked_m else {}
+    return JointCovariance(coordinates, _joint_matrix(row.joint), **hidden)
 
 
 def _coordinates(vertices: list[tuple[int, int, int]], where: str, count: int | None, size: int) -> Any:

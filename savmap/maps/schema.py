@@ -161,11 +161,13 @@ class JointEntry(_Part):
     """How the errors of a row's vertices go together. `coordinates` by plugin and structure id: for each vertex, x y z,
     the number of its coordinate from 0; -1: its error is independent of all others', and `covariance_m2` of the vertex
     has its variance. `covariance_m2`: the upper triangle of the covariance of these `size` coordinates, row by row,
-    32-bit floats, the least significant byte first, in base64."""
+    32-bit floats, the least significant byte first, in base64. `unchecked_m`: how far each coordinate is off, with its
+    sign, with each error of a reference that no second one would show."""
 
     size: Annotated[int, Field(ge=1, le=20000)]
     coordinates: dict[str, dict[str, list[tuple[Slot, Slot, Slot]]]]
     covariance_m2: str
+    unchecked_m: list[list[float]] = []
 
 
 class RowEntry(_Part):

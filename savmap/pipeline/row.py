@@ -30,8 +30,8 @@ from savmap.pipeline.records import (
 )
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import FoundObject, PlanePatch, RowMap, Structure, Track, Trajectory
-from savmap.types.maps import SKIPPED
+from savmap.types import FoundObject, JointCovariance, PlanePatch, RowMap, Structure, Track, Trajectory
+from savmap.types.maps import SKIPPED, UNCHECKED
 from savmap.types.progress import Monitor, SilentMonitor
 
 ROOM_M = 0.3
@@ -201,12 +201,13 @@ def collect(row: DescribedRow) -> RowMap:
     facts, solution = row.measurements.facts, row.solution
     notes = (*row.measurements.notes, *row.notes, *solution.notes)
     structures, verdict = judge(row)
+    joint = joint_covariance(structures, solution)
     row_map = RowMap(
         name=row.request.name,
         frames=facts.frames,
         views=facts.views,
         trajectory=solution.trajectory,
-        structures=structures,
+        structures=with_unchecked(structures, joint, float(np.abs(solution.covariance.hidden).max(initial=0.0))),
         references=tuple(solution.references),
         report={
             **solution.report,
@@ -216,9 +217,28 @@ def collect(row: DescribedRow) -> RowMap:
         },
         face=row.face,
         verdict=verdict,
-        joint=joint_covariance(structures, solution),
+        joint=joint,
     )
     return row_map if row.place is None else in_row(row_map, row.place, row.request.against[row.place.row])
+
+
+def with_unchecked(
+    structures: Mapping[str, Sequence[Structure]], joint: JointCovariance | None, largest_m: float
+) -> dict[str, tuple[Structure, ...]]:
+    """The structures by plugin, each with how far it may be off before a second reference shows it, where that is a
+    millimetre or more: as far as the `largest_m` of the row where none of its coordinates was solved for."""
+
+    def off_m(plugin: str, part: Structure) -> float:
+        moves = [joint.moves(plugin, part, number) for number in range(len(part.vertices))] if joint else []
+        return round(float(np.abs(moves).max(initial=0.0) or largest_m), 3)
+
+    return {
+        plugin: tuple(
+            replace(part, attributes={**part.attributes, **({UNCHECKED: off} if (off := off_m(plugin, part)) else {})})
+            for part in group
+        )
+        for plugin, group in structures.items()
+    }
 
 
 def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasurements) -> Iterator[LoadedPlugin]:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import pandas
 
 SIGMA, METRES = "_sigma_m", "_m"
+UNCHECKED = "unchecked_m"
+"""Attribute: how far, m, a structure may be off before a second reference shows it; none of next to nothing."""
 ASSUMED_M = 0.03
 """A coordinate that was not solved for and has a larger standard deviation than this, m, is an assumption."""
 ENDS = ("ends", "edges")
@@ -75,6 +77,12 @@ class Structure:
     def vertex_names(self) -> tuple[str, ...]:
         """What each vertex is called in its row: its label, after the structure's id where that is not in it."""
         return tuple(label if label.startswith(self.id) else f"{self.id} / {label}" for label in self.vertex_labels)
+
+    @property
+    def unchecked_m(self) -> float | None:
+        """How far it may be off before a second reference shows it; None where that is next to nothing."""
+        value = self.attributes.get(UNCHECKED)
+        return float(value) if isinstance(value, float | int) else None
 
     def sizes(self) -> Iterator[tuple[str, float, float]]:
         """Lengths among its attributes that have a standard deviation: name in words, such as "clear width", m, m. One
@@ -174,14 +182,24 @@ class JointCovariance:
     them.
 
     `coordinates`: by plugin and structure id, for each vertex and axis (v, 3) the number of the solved coordinate that
-    it is, -1 where it shares its error with no other. `covariance` (n, n) m^2 of the solved coordinates.
+    it is, -1 where it shares its error with no other. `covariance` (n, n) m^2 of the solved coordinates. `hidden` (k,
+    n): how far, m, each of them is off with each error of a reference that no second one would show.
     """
 
     coordinates: Mapping[str, Mapping[str, Ints]]
     covariance: Floats
+    hidden: Floats = field(default_factory=lambda: np.zeros((0, 1)))
 
     def __post_init__(self) -> None:
         require(self.covariance.shape == (len(self.covariance),) * 2, self, "covariance must be (n, n)")
+        fits = self.hidden.shape in ((0, 1), (len(self.hidden), len(self.covariance)))
+        require(fits, self, "hidden must be (k, n)")
+
+    def moves(self, plugin: str, structure: Structure, vertex: int) -> Floats:
+        """How far (k, 3) m a vertex is off with each error of a reference that no second one would show."""
+        numbers = self._numbers(plugin, structure, vertex)
+        moved: Floats = np.where(numbers >= 0, np.take(self.hidden, numbers, axis=1, mode="clip"), 0.0)
+        return moved
 
     def of_difference(self, first: tuple[str, Structure, int], second: tuple[str, Structure, int]) -> Floats:
         """Covariance (3, 3) m^2 of the difference of two vertices of the row, each given as plugin, structure and the

@@ -33,7 +33,7 @@ def site(*rows: RowMap, failed: tuple[str, ...] = ()) -> SiteMap:
 
 
 def test_a_trusted_row_prints_two_lines_at_most() -> None:
-    notes = ("nothing would notice an error of 0.08 m in all given heights together; measure a second length", "b", "c")
+    notes = ("not checked by a second reference: heights (an error of 8 cm would stay hidden)", "b", "c")
     assert [*verdict_lines(site(row("A")), Path("out"))] == ["row A: trusted"]
     lines = [*verdict_lines(site(row("A", notes=notes)), Path("out"))]
     assert lines == ["row A: trusted", f"  note: {notes[0]} (and 2 more in the report)"]

@@ -117,3 +117,14 @@ def test_a_vertex_is_called_by_its_structure_too() -> None:
     with pytest.raises(SiteError, match=r"in plugins A: lamps, A: lights: put .* such as `A: lights: light 1 / end 0`"):
         vertex_distance(both, "light 1 / end 0", "light 2 / end 0")
     assert vertex_distance(both, "lamps: light 1 / end 0", "A: lights: light 2 / end 0").length_m == 3.0
+
+
+def test_what_no_second_reference_checks_is_said() -> None:
+    """A length that is 20 cm too long stretches what lies between, and moves both ends alike where they are one place."""
+    own = row("A")
+    assert own.joint is not None
+    wrong = replace(own, joint=replace(own.joint, hidden=np.array([[0.1, 0.3], [0.5, 0.5]])))
+    found = vertex_distance(SiteMap({"A": wrong}, {}), "post 1 / top", "post 2 / top")
+    assert str(found).endswith("; not checked by a second reference: an error of 200 mm would stay hidden")
+    small = replace(own, joint=replace(own.joint, hidden=np.array([[0.1, 0.101]])))
+    assert vertex_distance(SiteMap({"A": small}, {}), "post 1 / top", "post 2 / top").remark == ""

@@ -60,7 +60,9 @@ def site() -> SiteMap:
         structures={"things": (thing,), "others": ()},
         references=(ReferenceUse("camera height", 3.055, 0.02, 3.0501),),
         report={"frames": 5, "rms_px": 0.41},
-        joint=JointCovariance({"things": {"thing 1": np.arange(-1, 11).reshape(4, 3)}}, spread @ spread.T),
+        joint=JointCovariance(
+            {"things": {"thing 1": np.arange(-1, 11).reshape(4, 3)}}, spread @ spread.T, spread.T[:2]
+        ),
     )
     placed = {"A": Placement(1.5, -2.25, 180.0, np.diag([1e-4, 1e-4, 0.01]))}
     lamp = CrossRowMatch(
@@ -98,6 +100,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert after.joint is not None
     assert after.joint.coordinates["things"]["thing 1"].tolist() == [[-1, 0, 1], [2, 3, 4], [5, 6, 7], [8, 9, 10]]
     np.testing.assert_allclose(after.joint.covariance, before.joint.covariance, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(after.joint.hidden, before.joint.hidden, atol=5.001e-6)
     assert read.solid is not None
     assert mapped.solid is not None
     np.testing.assert_allclose(read.solid.outline, mapped.solid.outline, atol=5.001e-6)

@@ -13,12 +13,12 @@ from savmap.graph.solver.solution import LensDistanceError, VerticalScaleError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
 from savmap.pipeline.records import DescribedRow, LocatedRow, PosedRow, RowMeasurements, RowRequest, SolvedRow
-from savmap.pipeline.row import collect, constrain, track
+from savmap.pipeline.row import collect, constrain, track, with_unchecked
 from savmap.pipeline.trust.support import Support, supports
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
-from savmap.types import Feature, FoundObject, MapWarning, RowMap, SiteMap, Structure, Track, Verdict
+from savmap.types import Feature, FoundObject, JointCovariance, MapWarning, RowMap, SiteMap, Structure, Track, Verdict
 from savmap.types.progress import SilentMonitor
 from savmap.vision.markers import MarkerTracks
 
@@ -65,9 +65,31 @@ def test_a_map_that_repeats_is_trusted() -> None:
     assert len(row.solution.halves) == len(made.WALL)
     structures, verdict = judge(row)
     assert verdict.grade == "trusted"
-    [note] = verdict.notes
-    assert note.startswith(f"nothing checks camera height and length {LENGTH.start} to {LENGTH.end}, which give scale")
+    hidden = "(any error would stay hidden). To check it:"
+    length = f"length {LENGTH.start} to {LENGTH.end}"
+    assert sorted(verdict.notes) == [
+        f"not checked by a second reference: camera height {hidden} a height on the structure",
+        f"not checked by a second reference: {length} {hidden} one more length",
+    ]
     assert {own.attributes["support"] for own in structures["wall"]} == {1.0}
+    unchecked = [own.unchecked_m for own in collect(row).structures["wall"]]
+    assert all(off_m is not None and off_m > 1 for off_m in unchecked)
+
+
+def test_what_was_not_solved_for_is_as_unchecked_as_the_row() -> None:
+    """Of what was solved for, the largest error of any of its coordinates is told."""
+    posts = [replace(post(0), id=name) for name in "abc"]
+    numbers = {"a": np.array([[0, -1, 1]]), "b": np.array([[-1, -1, 1]])}
+    joint = JointCovariance({"wall": numbers}, np.eye(2), np.array([[0.1, -0.2], [-0.3, 0.0]]))
+    for known, wanted in (
+        (joint, [0.3, 0.2, 0.4]),
+        (None, [0.4] * 3),
+        (replace(joint, hidden=np.zeros((0, 1))), [0.4] * 3),
+    ):
+        found = with_unchecked({"wall": posts}, known, 0.4)["wall"]
+        assert [part.unchecked_m for part in found] == wanted
+    (checked,) = with_unchecked({"wall": posts[:1]}, None, 0.0)["wall"]
+    assert checked.unchecked_m is None
 
 
 @pytest.mark.parametrize(

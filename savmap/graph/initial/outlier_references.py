@@ -85,11 +85,12 @@ def consistent_alternatives(problem: Problem, cameras: Floats, points: Floats) -
 
 
 def _distinct(alternatives: Mapping[str, tuple[Relation, ...]]) -> dict[str, tuple[Relation, ...]]:
-    """Sets of relations that differ; equal ones are a set under both names."""
+    """Sets of relations that differ in more than what they are called; equal ones are a set under both names."""
     names_of: dict[tuple[Relation, ...], list[str]] = {}
     for name, relations in alternatives.items():
-        names_of.setdefault(relations, []).append(name)
-    return {" or ".join(names): relations for relations, names in names_of.items()}
+        nameless = tuple(replace(relation, name="", note_if_outlier="") for relation in relations)
+        names_of.setdefault(nameless, []).append(name)
+    return {" or ".join(names): alternatives[names[0]] for names in names_of.values()}
 
 
 def _misfit(problem: Problem, cameras: Floats, points: Floats) -> float:

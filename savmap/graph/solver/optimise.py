@@ -5,7 +5,7 @@ In such a frame too little was seen, and a camera does not leap. The frame fits 
 that no residual shows it; but it bends what others see there, and pictures laid on a plane from such a place cover it.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Literal
@@ -26,12 +26,14 @@ from savmap.graph.normal_equations import Equations, Layout, Reduced, SharedUnkn
 from savmap.graph.problem import Estimate, Problem, frames_of
 from savmap.graph.solver.judgement.contradictions import Judgement, judgement_of
 from savmap.graph.solver.judgement.reference_tests import (
+    reference_tests,
     reference_uses,
     refuse_unseen,
     solved_references,
     tested_keys,
 )
 from savmap.graph.solver.judgement.soft_references import holding_scale, softened
+from savmap.graph.solver.judgement.unchecked import moves
 from savmap.graph.solver.levenberg_marquardt import FINE, ROUGH, minimum
 from savmap.graph.solver.residuals import Fit, Persistence, fit_of, persistence
 from savmap.graph.solver.solution import Solution, build_solution, pixels_off, scale_sigma, trajectory
@@ -104,11 +106,14 @@ class Iterate:
         return replace(self, judgement=replace(judgement, warnings=(*judgement.warnings, warning)))
 
     @property
+    def scattered(self) -> "Iterate":
+        """With larger variances of points whose measurements are at no one place."""
+        return replace(self, fit=replace(self.fit, scales=self.fit.scales * self.fit.spread))
+
+    @property
     def reported(self) -> "Iterate":
         """With the factors for the standard deviations that are reported instead."""
-        scales = self.fit.scales * self.fit.spread
-        persisting = replace(self.persistence, solved=self.persistence.reported)
-        return replace(self, fit=replace(self.fit, scales=scales), persistence=persisting)
+        return replace(self.scattered, persistence=replace(self.persistence, solved=self.persistence.reported))
 
     @property
     def kept(self) -> ImageMeasurements:
@@ -202,7 +207,8 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
     begun = moved(soft, estimate, similarity)
     soft = holding_scale(soft, begun.points)
     *_, last = _rounds(soft, begun, options)
-    judgement = judgement_of(soft, given, last.estimate, _covariance(last, None, tested_keys(soft)))
+    covariances = (_covariance(iterate, None, tested_keys(soft)) for iterate in (last, last.scattered))
+    judgement = judgement_of(soft, given, last.estimate, covariances)
     return judgement, aligned(judgement.problem, last.estimate), last
 
 
@@ -211,7 +217,7 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     references contradict one another grossly."""
     if joint is None:
         tested = _covariance(iterate, None, tested_keys(iterate.problem))
-        joint = Covariances(tested, _covariance(iterate.reported, None))
+        joint = Covariances(tested, with_hidden([iterate], _covariance(iterate.reported, None)))
     term = iterate.problem.camera.calibration
     calibration = calibration_report(term, iterate.bias, joint.reported, iterate.first_scale, iterate.fit.scale)
     notes = (*iterate.notes, *calibration.notes)
@@ -220,7 +226,11 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     judgement = iterate.judgement or Judgement(problem)
     refuse_unseen(problem, fit)
     try:
-        solution = build_solution(problem, estimate, fit, joint, inflation, iterate.bias, notes, calibration.report)
+        tests = reference_tests(problem, estimate, joint.tested, judgement.unseen)
+        figures = calibration.report
+        solution = build_solution(
+            problem, estimate, fit, joint.reported, tests, inflation, iterate.bias, notes, figures
+        )
     except UnknownScaleError as error:
         warnings = "; ".join(warning.line for warning in judgement.warnings if warning.code == "reference-conflict")
         row = problem.camera.facts.name
@@ -232,6 +242,12 @@ def solution_of(iterate: Iterate, joint: Covariances | None = None) -> Solution:
     uses = tuple(reference_uses(judgement.given or problem, problem, estimate))
     every = (*solution.warnings, *judgement.warnings)
     return replace(solution, references=uses, warnings=every, unchecked=judgement.unchecked)
+
+
+def with_hidden(rows: Sequence[Iterate], whole: Covariance) -> Covariance:
+    """The covariance of rows with how far their points move with errors of references that would stay hidden."""
+    errors = [(row.problem, row.estimate, row.judgement.hidden if row.judgement else ()) for row in rows]
+    return replace(whole, hidden=moves(errors, whole))
 
 
 def _misfit(iterate: Iterate) -> str:

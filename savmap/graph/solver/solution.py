@@ -7,7 +7,7 @@ import numpy as np
 
 from savmap.errors import SolveError
 from savmap.geometry.poses import columns_at, poses_at
-from savmap.graph.covariance import Covariance, Covariances
+from savmap.graph.covariance import Covariance
 from savmap.graph.initial.observability import require_known
 from savmap.graph.keys import Variable
 from savmap.graph.problem import Estimate, Problem
@@ -15,7 +15,6 @@ from savmap.graph.solver.judgement.reference_tests import (
     GROSS_SIGMA,
     ReferenceTest,
     off_by,
-    reference_tests,
     refuse_contradiction,
 )
 from savmap.graph.solver.residuals import DirectionalErrors, Fit, directional_errors
@@ -157,7 +156,8 @@ def build_solution(
     problem: Problem,
     estimate: Estimate,
     fit: Fit,
-    covariances: Covariances,
+    covariance: Covariance,
+    tests: Sequence[ReferenceTest],
     inflation: Mapping[str, float],
     bias: Floats,
     notes: tuple[str, ...],
@@ -165,8 +165,6 @@ def build_solution(
 ) -> Solution:
     """Put the results together; `notes` go first, `figures` after the report. Raises SolveError if references
     contradict one another grossly, or if they leave the scale open."""
-    tested, covariance = covariances.tested, covariances.reported
-    tests = reference_tests(problem, estimate, tested)
     refuse_contradiction(problem, tests)
     share = 1.0 - float(fit.kept.mean()) if len(fit.kept) else 0.0
     sigma = scale_sigma(problem, estimate, covariance)
@@ -302,7 +300,7 @@ def scale_sigma(problem: Problem, estimate: Estimate, covariance: Covariance) ->
     return float((sigma[far] / distance[far]).min()) if far.any() else 0.0
 
 
-def _notes(tests: list[ReferenceTest], share: float, sigma: float) -> Iterator[str]:
+def _notes(tests: Sequence[ReferenceTest], share: float, sigma: float) -> Iterator[str]:
     if sigma > VAGUE_SCALE:
         yield f"the references give the scale to +-{sigma:.1%} only: a known length would help"
     yield from (test.line for test in tests if test.deviation > WARN_SIGMA)

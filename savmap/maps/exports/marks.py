@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 
 from savmap.errors import visible
-from savmap.types import Floats, Measured, Structure
+from savmap.types import Floats, Measured, RowMap, Structure
 
 Colour = tuple[float, float, float]
 BETWEEN = " | "
@@ -63,6 +63,25 @@ def assumed_depths(bodies: Iterable[tuple[str, float]]) -> str:
     if len(depths) > MOST_LABELS:
         said.append(f"and {len(depths) - MOST_LABELS} more")
     return f"assumed depth, neither measured nor given: {', '.join(said)}" if said else ""
+
+
+def remarks(rows: Iterable[RowMap]) -> list[str]:
+    """What to know of rows before they are used, a line each: what must be checked, and how far they may be off."""
+    said = list[str]()
+    for row in rows:
+        warnings = row.verdict.warnings if row.verdict else ()
+        said += [f"row {row.name} must be checked: {warning.line}" for warning in warnings]
+        off_m = max((part.unchecked_m or 0.0 for group in row.structures.values() for part in group), default=0.0)
+        if off_m:
+            said.append(
+                f"row {row.name} is not checked by a second reference: errors of {off_m:.2f} m would stay hidden"
+            )
+    return [visible(line) for line in said]
+
+
+def commented(lines: Iterable[str]) -> str:
+    """Lines, of which empty ones are left out, as comments that begin with a hash."""
+    return "".join(f"# {line}\n" for line in lines if line)
 
 
 def attributes(structure: Structure) -> dict[str, float | int | str]:

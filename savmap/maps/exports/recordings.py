@@ -15,7 +15,7 @@ from savmap.errors import OutputError, visible
 from savmap.files.atomic import reason
 from savmap.maps.exports import require_library
 from savmap.maps.exports.frames import Element, elements
-from savmap.maps.exports.marks import bytes_of, colours, sigmas
+from savmap.maps.exports.marks import bytes_of, colours, remarks, sigmas
 from savmap.maps.exports.trajectories import PassFrames, passes
 from savmap.types import Floats, Measured, SiteMap, Structure
 
@@ -23,7 +23,7 @@ FRAME = "map"
 """The frame's name in messages: that of ROS for a map."""
 NANO = 1_000_000_000
 LINE_M, TEXT_M = 0.02, 0.1
-FOXGLOVE_LINE_LIST, FOXGLOVE_ALL = 2, 1
+FOXGLOVE_LINE_LIST, FOXGLOVE_ALL, WARNING = 2, 1, 3
 ROS_LINE_LIST, ROS_TEXT = 5, 9
 NEVER = {"sec": 0, "nsec": 0}
 NO_TURN = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
@@ -118,10 +118,12 @@ def _paint(colour: Colour) -> dict[str, float]:
 
 
 def write_mcap(site: SiteMap, path: Path) -> None:
-    """MCAP with `/map` (an entity for each structure, its attributes and standard deviations as metadata) and, for each
-    pass, `/drive/ROW/PASS`. Needs the extra `ros`."""
+    """MCAP with `/map` (an entity for each structure, its attributes and standard deviations as metadata), for each
+    pass `/drive/ROW/PASS`, and on `/advice` what must be checked. Needs the extra `ros`."""
     with MapRecorder(path) as recorder:
         recorder.add(site)
+        for line in remarks(site.rows.values()):
+            recorder.say(line, WARNING, 0.0)
 
 
 class MapRecorder:
@@ -238,6 +240,11 @@ def write_rosbag2(site: SiteMap, path: Path) -> None:
         for number, (element, colour) in enumerate(_coloured(site))
         for marker in _markers(element, colour, 2 * number)
     ]
+    if said := remarks(site.rows.values()):
+        text = {"type": ROS_TEXT, "scale": {"z": TEXT_M}, "text": "\n".join(said), "color": _paint((255, 255, 255))}
+        markers.append(
+            {"header": {"frame_id": FRAME}, "ns": "remarks", "id": len(markers), "pose": _pose([0.0, 0, 0]), **text}
+        )
     with path.open("wb") as stream:
         writer = Writer(stream)
         schema = writer.register_msgdef("visualization_msgs/msg/MarkerArray", MARKER_ARRAY)
@@ -275,6 +282,7 @@ def write_rerun(site: SiteMap, path: Path) -> None:
     recording = rerun.RecordingStream("savmap", recording_id="savmap")
     recording.save(str(path))
     recording.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    recording.log("remarks", rerun.TextDocument("\n".join(remarks(site.rows.values()))), static=True)
     for element, colour in _coloured(site):
         _strips(rerun, recording, element, colour)
     for frames in passes(site):

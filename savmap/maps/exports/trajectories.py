@@ -12,7 +12,7 @@ from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.files import json_text, write_archive
 from savmap.maps.exports.frames import drives, elements
-from savmap.maps.exports.marks import unique
+from savmap.maps.exports.marks import commented, remarks, unique
 from savmap.types import Floats, Ints, SiteMap, array_record
 
 WIDTH_PX, HEIGHT_PX = 3840, 1920
@@ -76,13 +76,14 @@ def write_tum(site: SiteMap, path: Path) -> None:
     path ends with .zip. Raises OutputError for several passes and another ending, and for a map without a camera
     path."""
     driven = _driven(site)
+    head = commented(remarks(site.rows.values()))
     if path.suffix == ".zip":
-        return write_archive(path, {f"{frames.folder}.tum": _tum(frames) for frames in driven})
+        return write_archive(path, {f"{frames.folder}.tum": head + _tum(frames) for frames in driven})
     if len(driven) != 1:
         raise OutputError(
             f"{path}: a TUM file holds one pass, and the map has {len(driven)}: name a .zip, or choose with --row"
         )
-    write_text(path, _tum(driven[0]))
+    write_text(path, head + _tum(driven[0]))
 
 
 def _tum(frames: PassFrames) -> str:
@@ -103,7 +104,7 @@ def write_nerfstudio(site: SiteMap, path: Path) -> None:
     half = WIDTH_PX / 2
     camera = {"camera_model": "EQUIRECTANGULAR", "w": WIDTH_PX, "h": HEIGHT_PX, "fl_x": half, "fl_y": half}
     centre = {"cx": WIDTH_PX / 2, "cy": HEIGHT_PX / 2, "orientation_override": "none"}
-    write_text(path, json_text({**camera, **centre, "frames": frames}))
+    write_text(path, json_text({**camera, **centre, "remarks": remarks(site.rows.values()), "frames": frames}))
 
 
 def write_colmap(site: SiteMap, path: Path) -> None:
@@ -121,7 +122,9 @@ def write_colmap(site: SiteMap, path: Path) -> None:
     files = {
         "cameras.txt": f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 EQUIRECTANGULAR {size} {size}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[]\n" + "".join(images),
-        "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n" + "".join(_points(site)),
+        "points3D.txt": commented(remarks(site.rows.values()))
+        + "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n"
+        + "".join(_points(site)),
     }
     write_archive(path, files)
 

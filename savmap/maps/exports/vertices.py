@@ -13,7 +13,7 @@ import numpy as np
 from savmap.errors import visible
 from savmap.files.atomic import write_bytes, write_text
 from savmap.maps.exports.frames import in_site, require_one_frame
-from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, sigmas
+from savmap.maps.exports.marks import BETWEEN, bytes_of, colours, remarks, sigmas
 from savmap.types import SiteMap, Structure, assumed_axes
 
 FORMULAS = tuple("=+-@")
@@ -30,6 +30,7 @@ COLUMNS = [
     "sigma_x_m",
     "sigma_y_m",
     "sigma_z_m",
+    "unchecked_m",
     "assumed",
     "text",
     "warnings",
@@ -38,8 +39,9 @@ COLUMNS = [
 
 def write_csv(site: SiteMap, path: Path) -> None:
     """One line for each vertex: its structure, its coordinates in the site's frame, or in the row's if that is not
-    placed, and their standard deviations, m, the row's axes along which nothing measured it; last what is written on it
-    and what speaks against it. Raises OutputError."""
+    placed, their standard deviations, how far the structure may be off before a second reference shows it, m, and the
+    row's axes along which nothing measured it; last what is written on it and what speaks against it. Raises
+    OutputError."""
     stream, warnings = io.StringIO(), site.warnings()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -52,10 +54,11 @@ def write_csv(site: SiteMap, path: Path) -> None:
                 text = cell(str(structure.attributes.get("text", "")))
                 against = cell(BETWEEN.join(warnings.get((row.name, structure.id), ())))
                 numbers = np.hstack([placed.vertices, sigmas(placed)])
+                unchecked = "" if structure.unchecked_m is None else f"{structure.unchecked_m:.3f}"
                 axes = assumed_axes(structure, plugin, row.joint)
                 for label, values, assumed in zip(placed.vertex_labels, numbers, axes, strict=True):
                     figures = (f"{value:.5f}" for value in values)
-                    table.writerow((*start, cell(label), *figures, assumed, text, against))
+                    table.writerow((*start, cell(label), *figures, unchecked, assumed, text, against))
     write_text(path, stream.getvalue())
 
 
@@ -71,7 +74,7 @@ def write_ply(site: SiteMap, path: Path) -> None:
         for group in row.structures.values()
         for structure in group
     ]
-    text = "\n".join(map(visible, _ply(what, structures))) + "\n"
+    text = "\n".join(map(visible, _ply((f"savmap {what}, metres", *remarks(site.rows.values())), structures))) + "\n"
     write_bytes(path, text.encode("ascii", "backslashreplace"))
 
 
@@ -82,13 +85,13 @@ def cell(text: str) -> str:
     return f"'{shown}" if shown.lstrip()[:1] in FORMULAS else shown
 
 
-def _ply(what: str, structures: Sequence[Structure]) -> Iterator[str]:
+def _ply(comments: Sequence[str], structures: Sequence[Structure]) -> Iterator[str]:
     palette = {
         label: "{} {} {}".format(*bytes_of(colour))
         for label, colour in colours(structure.label for structure in structures).items()
     }
     firsts = np.cumsum([0, *(len(structure.vertices) for structure in structures)]).tolist()
-    yield from ("ply", "format ascii 1.0", f"comment savmap {what}, metres")
+    yield from ("ply", "format ascii 1.0", *(f"comment {line}" for line in comments))
     for label, colour in palette.items():
         yield f"comment label {label}: {colour}"
     yield f"element vertex {firsts[-1]}"

@@ -93,3 +93,17 @@ def test_the_height_of_a_lowest_edge_that_was_not_seen_is_not_laid_on_the_next(
     [relations] = section_references(grid, {"b": 1, "c": 2}, GridSettings((0.2, 0.3)), "A").values()
     assert [(relation.a, relation.value) for relation in relations] == [(2, 0.3)]
     assert caplog.messages == ["row A: bay 1: the lowest beam's lower edge was not seen; its height is not used"]
+
+
+def test_bays_that_the_map_counts_otherwise_have_the_number_of_the_list_too() -> None:
+    rows = {(section, 1, "lower"): (f"{section}",) for section in (1, 3)}
+    grid, keys = TrackGrid({}, rows), {"1": 1, "3": 3}
+    first, second = section_references(grid, keys, GridSettings((0.2, 0.9, 0.3, 0.4)), "A").values()
+    name = "height of the lowest edge of bay"
+    assert [relation.name for relation in first] == [f"{name} 1", f"{name} 3"]
+    assert [relation.name for relation in second] == [f"{name} 1 (value 2 of 4)", f"{name} 3 (value 4 of 4)"]
+    assert second[0].note_if_outlier.startswith("bay 1 (value 2 of 4): the lowest beam at 0.900 m was not seen")
+    [without] = section_references(grid, keys, GridSettings((0.2, 0.3)), "A").values()
+    assert [relation.name for relation in without] == [f"{name} 1", f"{name} 3 (value 2 of 2)"]
+    [for_all] = section_references(grid, keys, GridSettings(0.2), "A").values()
+    assert [relation.name for relation in for_all] == [f"{name} 1", f"{name} 3"]

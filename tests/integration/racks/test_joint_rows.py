@@ -92,6 +92,18 @@ def test_references_that_contradict_across_the_aisle_are_named(aisle: tuple[made
     assert "row A: length upright 1 / left to upright 4 / right" in apart
 
 
+def test_an_error_that_nothing_checks_is_told_of_both_rows(aisle: tuple[made.World, made.World]) -> None:
+    """A length that is 20 cm too long stretches both rows of the drive, whose sigmas say 3 mm."""
+    solutions = solve_rows(two_faces.problems(*aisle, off_m=0.2), SAME)
+    for world, solution in zip(aisle, solutions, strict=True):
+        assert isinstance(solution, Solution)
+        assert solution.warnings == ()
+        (error, sigma), covariance = length(world, solution), solution.covariance
+        slot = 3 * covariance.keys.index(solution.keys["shelves"]["upright 4 / right / top"])
+        hidden = float(np.abs(covariance.hidden[:, slot]).max())
+        assert 10 * sigma < error < hidden < 4 * error
+
+
 def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World]) -> None:
     solutions = solve_rows(two_faces.problems(*aisle), [range(FRAMES), range(3, 3 + FRAMES)])
     assert "do not fit one camera path" in made.said(solutions[0].warnings[-1])

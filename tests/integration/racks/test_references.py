@@ -33,6 +33,24 @@ def test_missing_reference_is_named(small: made.World, camera: bool, length: boo
     assert "\n" not in str(raised.value)
 
 
+def test_an_edge_that_was_seen_at_no_one_place_refutes_nothing(small: made.World) -> None:
+    """What is taken for the lower edge of bay 2's lowest beam lies 8 +- 16 cm too low: its height was called wrong, 32 sigma off."""
+    rng = np.random.default_rng(0)
+    place = {"bay": 2, "beam": 1, "edge": "lower"}
+    tracks = [
+        replace(track, pixels=track.pixels + rng.normal([0, 8], [0, 16], (len(track.frames), 2)))
+        if place.items() <= track.place.items()
+        else track
+        for track in small.tracks
+    ]
+    solution = made.solved(replace(small, tracks=tracks))
+    assert solution.warnings == ()
+    assert not [note for note in solution.notes if "is given as" in note]
+    (use,) = (use for use in solution.references if use.name == "height of the lowest edge of bay 2")
+    assert use.state == "used"
+    assert any("height of the lowest edge of bay 2" in line for line in solution.unchecked)
+
+
 def test_heights_that_differ_by_little_give_no_scale() -> None:
     """Exactly known, their differences would give it to 3.5 %; as the video shows them they do not."""
     world = made.world(3, sections=3, frames=40, bridge=None)

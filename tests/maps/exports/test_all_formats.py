@@ -1,11 +1,13 @@
 """What holds for every format: the same map gives the same bytes, hostile names do no harm, a missing library is named
 with its extra, and a map that a format cannot hold is refused, with nothing written."""
 
+import io
 import os
 import subprocess
 import sys
 import zipfile
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,7 +18,8 @@ import savmap
 from savmap.errors import OutputError, visible
 from savmap.maps.exports import FORMATS
 from savmap.maps.map_file import read_map, write_map
-from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
+from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
+from savmap.types.maps import UNCHECKED
 
 from .plans.made_up_hall import hall
 
@@ -95,6 +98,31 @@ def test_hostile_names_do_no_harm(name: str, tmp_path: Path) -> None:
         texts = [path.read_bytes()]
     if name in (*PLANS, "csv", "ply", "glb"):
         assert not any("\u202e".encode() in text for text in texts)
+
+
+SILENT = ("imdf", "usdc", "rrd")  # IMDF has no place for it; the others are binary: as usda and mcap
+
+
+@pytest.mark.parametrize("name", each(*(name for name in FORMATS if name not in SILENT)))
+def test_what_must_be_checked_and_what_nothing_checks_is_said(name: str, tmp_path: Path) -> None:
+    """Nav2, LIF and PLY of a row that must be checked said nothing; a length 20 cm too long was in no format."""
+    whole, warning = hall(), MapWarning("lens-seam", figure="3 cm")
+    parts = {
+        plugin: tuple(replace(part, attributes={**part.attributes, UNCHECKED: 0.47}) for part in group)
+        for plugin, group in whole.rows["A"].structures.items()
+    }
+    doubted = replace(whole.rows["A"], structures=parts, verdict=Verdict((warning,)))
+    path = savmap.export(replace(whole, rows={**whole.rows, "A": doubted}), tmp_path / "a.zip", name)
+    if name in ("mcap", "rosbag2"):
+        reader = import_module("mcap.reader").make_reader(io.BytesIO(path.read_bytes()))
+        texts = [message.data for _, _, message in reader.iter_messages()]
+    elif name in ARCHIVES:
+        with zipfile.ZipFile(path) as archive:
+            texts = [archive.read(member) for member in archive.namelist()]
+    else:
+        texts = [path.read_bytes()]
+    assert any(b"the pictures are bent at a seam, 3 cm" in text for text in texts)
+    assert any(b"0.47" in text for text in texts)
 
 
 @pytest.mark.parametrize("name", each("nav2", "lif", "vda5050-zones", "tum", "colmap", "nerfstudio"))

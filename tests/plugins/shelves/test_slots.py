@@ -29,7 +29,7 @@ from savmap.types import (
     Trajectory,
     Verdict,
 )
-from savmap.types.maps import warnings_of
+from savmap.types.maps import UNCHECKED, warnings_of
 from savmap_shelves.report.slot_files import COLUMNS, schema_text, write_csv, write_elements, write_json
 from savmap_shelves.report.slots import slots_of
 
@@ -87,6 +87,17 @@ def test_what_two_edges_share_is_not_in_their_distance() -> None:
     assert slots[0].clear_width.sigma == pytest.approx(0.01 * np.sqrt(0.2))
     assert slots[7].clear_width is not None
     assert slots[7].clear_width.sigma == pytest.approx(0.01 * np.sqrt(2))
+
+
+def test_a_slot_is_as_unchecked_as_what_is_around_it() -> None:
+    off = {"upright 2": 0.1, "bay 1 / beam 2": 0.47}
+    parts = [
+        replace(part, attributes={**part.attributes, UNCHECKED: off[part.id]}) if part.id in off else part
+        for part in structures_of(surveyed_row())
+    ]
+    slots = slots_of(SiteMap({"A": row(structures=parts)}, {}), "shelves")
+    assert [slot.unchecked_m for slot in slots[:5]] == [0.1, 0.47, 0.47, 0.1, 0.1]
+    assert slots[-1].unchecked_m is None
 
 
 def test_an_upright_that_is_missing_leaves_the_width_open() -> None:

@@ -250,27 +250,32 @@ def section_references(
     grid: TrackGrid, keys: Mapping[str, int], settings: GridSettings, row: str
 ) -> dict[str, tuple[Relation, ...]]:
     """What was measured of bays, h_ref and pitch, by name; several alternatives where values are given for more bays
-    than were found."""
+    than were found. Where the map counts a bay otherwise than the user's list, both numbers are told."""
     figures = {
         "lowest_beam_bottom_height_m": settings.lowest_beam_bottom_height_m,
         "bay_pitch_m": settings.bay_pitch_m,
     }
 
-    def relations(values: Mapping[str, Mapping[int, float]]) -> Iterator[Relation]:
+    def relations(first: int, values: Mapping[str, Mapping[int, float]]) -> Iterator[Relation]:
+        numbers = dict(zip(grid.sections, (first + place + 1 for place in places), strict=True))
+        bays = {
+            section: f"bay {section}" + (f" (value {number} of {count})" if count and number != section else "")
+            for section, number in numbers.items()
+        }
         for section, value in values.get("lowest_beam_bottom_height_m", {}).items():
             if (lowest := _lowest_edge(grid, section)) is None:
-                _log.warning(
-                    "row %s: bay %d: the lowest beam's lower edge was not seen; its height is not used",
-                    row,
-                    section,
-                )
+                line = "row %s: %s: the lowest beam's lower edge was not seen; its height is not used"
+                _log.warning(line, row, bays[section])
             else:
-                yield _height(keys[lowest], section, value, settings)
+                yield _height(keys[lowest], bays[section], value, settings)
         for section, value in values.get("bay_pitch_m", {}).items():
-            yield from _pitch(grid, keys, section, value, settings)
+            yield from _pitch(grid, keys, section, bays[section], value, settings)
 
     given = {setting: values for setting, values in figures.items() if values is not None}
-    return {name: tuple(relations(values)) for name, values in assignments(given, grid.sections, row).items()}
+    count = next((len(values) for values in given.values() if not isinstance(values, int | float)), None)
+    places = _places(grid.sections, count)
+    ways = assignments(given, grid.sections, row).items()
+    return {name: tuple(relations(first, values)) for first, (name, values) in enumerate(ways)}
 
 
 def assignments(
@@ -325,13 +330,13 @@ def _found(sections: Sequence[int]) -> str:
 
 
 def _pitch(
-    grid: TrackGrid, keys: Mapping[str, int], section: int, value: float, settings: GridSettings
+    grid: TrackGrid, keys: Mapping[str, int], section: int, bay: str, value: float, settings: GridSettings
 ) -> Iterator[Relation]:
     """From an upright's edge to the same edge of the next: left ones, or right ones where a left one was not seen."""
     for side in ("left", "right"):
         if (section, side) in grid.columns and (section + 1, side) in grid.columns:
             first, second = (keys[grid.columns[upright, side][0]] for upright in (section, section + 1))
-            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of bay {section}")
+            yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of {bay}")
             return
 
 
@@ -341,10 +346,10 @@ def _lowest_edge(grid: TrackGrid, section: int) -> str | None:
     return next(iter(grid.rows.get((section, lowest, "lower"), ())), None)
 
 
-def _height(edge: int, section: int, value: float, settings: GridSettings) -> Relation:
+def _height(edge: int, bay: str, value: float, settings: GridSettings) -> Relation:
     """The height that was given for the lowest edge (its key) of a bay."""
-    name = f"height of the lowest edge of bay {section}"
-    warning = f"bay {section}: the lowest beam at {value:.3f} m was not seen; its height is not used"
+    name = f"height of the lowest edge of {bay}"
+    warning = f"{bay}: the lowest beam at {value:.3f} m was not seen; its height is not used"
     common = isinstance(settings.lowest_beam_bottom_height_m, int | float)
     return replace(known_coordinate("y", edge, value, settings.sigma_m, name, warning), may_be_missing=common)
 

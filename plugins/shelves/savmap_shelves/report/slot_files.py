@@ -62,6 +62,9 @@ class SlotEntry(_Part):
     """The upper edge of the beam that goods stand on above the floor, or 0."""
     sigma_load_height_m: Sigma
     """Its standard deviation."""
+    unchecked_m: Sigma | None = None
+    """How far the uprights and beams around the opening may be off before a second reference shows it; null where it
+    is next to nothing. No standard deviation holds it. Sizes are off by less."""
     depth_m: Annotated[float, Field(gt=0)]
     """From the face to the back."""
     depth: Literal["given", "assumed"]
@@ -86,7 +89,7 @@ COLUMNS = [
     *("row", "frame", "bay", "level", "sign", "bay_sign"),
     *("x_m", "y_m", "z_m", "sigma_x_m", "sigma_y_m", "sigma_z_m"),
     *("clear_width_m", "sigma_clear_width_m", "clear_height_m", "sigma_clear_height_m"),
-    *("load_height_m", "sigma_load_height_m", "depth_m", "depth", "assumed", "warnings"),
+    *("load_height_m", "sigma_load_height_m", "unchecked_m", "depth_m", "depth", "assumed", "warnings"),
 ]
 
 
@@ -126,6 +129,7 @@ def _entry(slot: Slot) -> dict[str, Any]:
         **_measured("clear_width", slot.clear_width),
         **_measured("clear_height", slot.clear_height),
         **_measured("load_height", slot.load_height),
+        "unchecked_m": slot.unchecked_m,
         "depth_m": _rounded(slot.depth_m, LENGTH),
         "depth": "assumed" if slot.depth_assumed else "given",
         "assumed": list(slot.assumed),
@@ -165,7 +169,7 @@ ELEMENT_COLUMNS = [
     *(f"{side}_m" for side in SIDES),
     *(f"sigma_{side}_m" for side in SIDES),
     *(name for size in SIZES for name in (f"{size}_m", f"sigma_{size}_m")),
-    *("assumed", "warnings"),
+    *("unchecked_m", "assumed", "warnings"),
 ]
 ON_BEAMS = {"bottom": "lower", "top": "upper"}
 """What beams call these sides."""
@@ -173,8 +177,8 @@ ON_BEAMS = {"bottom": "lower", "top": "upper"}
 
 def write_elements(site: SiteMap, path: Path, plugin: str) -> None:
     """A line for each upright and beam: its sides along the row and above the floor, in the row's frame, and its sizes,
-    m. An empty cell for what an element has not, such as an upright a bay. `assumed`: the sides that nothing measured.
-    Raises OutputError."""
+    m. An empty cell for what an element has not, such as an upright a bay. `unchecked_m`: how far it may be off before
+    a second reference shows it; `assumed`: the sides that nothing measured. Raises OutputError."""
     text, said = io.StringIO(), site.warnings()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(ELEMENT_COLUMNS)
@@ -209,6 +213,7 @@ def _element_cells(row: str, element: Structure, assumed: Bools, against: Sequen
             for size in SIZES
             for text in ((f"{value:.5f}" for value in sizes[size]) if size in sizes else ("", ""))
         ),
+        "" if element.unchecked_m is None else f"{element.unchecked_m:.3f}",
         cell(BETWEEN.join(unmeasured)),
         cell(BETWEEN.join(against)),
     ]

@@ -26,7 +26,8 @@ class Slot:
     `covariance` (3, 3). The topmost opening is open above (`clear_height` None): its centre is on its load level.
     `load_height` is that of what goods stand on above the floor. `clear_width` is None where an upright beside it was
     not mapped. Lengths are metres. `depth_m` is the rack's. `assumed`: which of these lengths rest on an edge that
-    nothing measured. `warnings`: what speaks against the uprights and beams around it.
+    nothing measured. `warnings`: what speaks against the uprights and beams around it. `unchecked_m`: how far these may
+    be off before a second reference shows it.
     """
 
     row: str
@@ -44,6 +45,7 @@ class Slot:
     depth_assumed: bool
     assumed: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    unchecked_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -205,11 +207,12 @@ def _slots_of_bay(
 ) -> Iterator[Slot]:
     """The openings of a bay from the floor up, in the row's frame. `said`: what speaks against structures, by id."""
     here = sorted((part for part in signs if part.attributes["bay"] == f"bay {bay.number}"), key=_middle_x)
+    unchecked = {part.id: part.unchecked_m for part in row.structures.get(plugin, ())}
     at_bay = tuple(str(part.attributes["text"]) for part in here if not _between_uprights(part, bay))
     for opening in openings_of(bay, row.joint, plugin):
         centre, covariance = _centre(bay, opening.floor, opening.roof or opening.floor)
         inside = [part for part in here if _between_uprights(part, bay) and _level(part, bay) == opening.level]
-        depth = bay.depth_m, bay.depth_assumed
+        depth, around = (bay.depth_m, bay.depth_assumed), (*bay.uprights, *opening.beams)
         yield Slot(
             row.name,
             "row",
@@ -224,7 +227,8 @@ def _slots_of_bay(
             opening.floor,
             *depth,
             (*opening.assumed, *([DEPTH] if bay.depth_assumed else [])),
-            tuple(dict.fromkeys(warning for name in (*bay.uprights, *opening.beams) for warning in said.get(name, ()))),
+            tuple(dict.fromkeys(warning for name in around for warning in said.get(name, ()))),
+            max((off_m for name in around if (off_m := unchecked[name]) is not None), default=None),
         )
 
 

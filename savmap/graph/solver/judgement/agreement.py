@@ -13,7 +13,7 @@ from itertools import combinations, islice, product
 import numpy as np
 from scipy.special import ndtri
 
-from savmap.types import Floats, Ints
+from savmap.types import Floats, Ints, ReferenceUse
 
 FALSE_ALARMS = 0.01
 """In how many rows whose references are all right one of them is taken for wrong."""
@@ -42,7 +42,7 @@ class Solved:
 @dataclass(frozen=True, eq=False)
 class Agreement:
     """References by `names` (r,), of which equal ones are one reference, that are `off` (r,) what was solved for with soft references, m, and
-    have standard deviations `sigmas` (r,).
+    have standard deviations `sigmas` (r,). `unseen` (r,): to how many metres what a reference is of was seen, where that was not seen well.
 
     Their values change with unknowns y (k,) by `slopes` (r, k): two references to one thing change alike. What the pictures say of y costs
     y' information y - 2 shift' y."""
@@ -51,6 +51,7 @@ class Agreement:
     values: Floats
     off: Floats
     sigmas: Floats
+    unseen: Floats
     slopes: Floats
     information: Floats
     shift: Floats
@@ -67,9 +68,8 @@ class Agreement:
         shift = soft @ off
         assumed = _assumed(information, slopes.T @ solved.gauge)
         along = information @ assumed
-        return cls(
-            names, values, off, sigmas, slopes, information - along @ along.T, shift - along @ (assumed.T @ shift)
-        )
+        known = information - along @ along.T, shift - along @ (assumed.T @ shift)
+        return cls(names, values, off, sigmas, np.zeros_like(sigmas), slopes, *known)
 
     @cached_property
     def all_names(self) -> tuple[str, ...]:
@@ -84,6 +84,11 @@ class Agreement:
     def at(self, name: str) -> Ints:
         """Indices of a reference."""
         return np.flatnonzero([member == name for member in self.names])
+
+    def given(self, name: str) -> ReferenceUse:
+        """A reference as it was given."""
+        index = int(self.at(name)[0])
+        return ReferenceUse(name, float(self.values[index]), float(self.sigmas[index]), float("nan"))
 
     def cost(self, out: Names = frozenset()) -> float:
         """How badly pictures and references agree without those that are `out`: a sum of squares in standard deviations, up to a
@@ -106,7 +111,7 @@ class Agreement:
         index = int(max(self.at(name), key=lambda index: abs(self.off[index])))
         matrix, right, _ = self._normal(out | {name})
         slope, inverse = self.slopes[index], np.linalg.inv(matrix)
-        moved, variance = slope @ inverse @ right, slope @ inverse @ slope
+        moved, variance = slope @ inverse @ right, slope @ inverse @ slope + self.unseen[index] ** 2
         return float(self.values[index] + self.off[index] + moved), float(np.sqrt(variance))
 
     def common_error(self, names: Names, out: Names = frozenset()) -> float:
@@ -164,7 +169,7 @@ class Agreement:
     def _normal(self, out: Names) -> tuple[Floats, Floats, Floats]:
         """The normal equations of y without those that are `out`: matrix (k, k) and right side (k,), and the references' weights (r,)."""
         used = np.array([name not in out for name in self.names])
-        weight = used / self.sigmas**2
+        weight = used / (self.sigmas**2 + self.unseen**2)
         matrix = self.information + (self.slopes.T * weight) @ self.slopes + np.eye(len(self.shift)) / LOOSE_M**2
         return matrix, self.shift - self.slopes.T @ (weight * self.off), weight
 

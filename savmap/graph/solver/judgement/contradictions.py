@@ -5,8 +5,8 @@ solved with `softened` references first. Its shape is that of the pictures then,
 which are compared with it and with one another (see `agreement`).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import orth
@@ -27,12 +27,12 @@ from savmap.graph.problem import Estimate, Problem
 from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
 from savmap.graph.solver.judgement.reference_tests import off_by, solved_references, stated
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
-from savmap.types import Floats, MapWarning, ReferenceUse
+from savmap.graph.solver.judgement.unchecked import Unchecked, is_alone, unchecked
+from savmap.graph.solver.judgement.unchecked import notes as unchecked_notes
+from savmap.types import Floats, MapWarning
+from savmap.types.maps import OFF_SIGMAS
 
 KNOWN_M = 0.05
-UNCHECKED_SIGMA, UNKNOWN_M = 5.0, 1.0
-SURELY = 1.0
-"""Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, AT_LEAST_NAMED = 4, 2
 ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
@@ -42,7 +42,6 @@ LEAST_LEFT = 4
 """So many references check one another: two of them give scale and place."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
-LOOSELY, UNCHECKED = "nothing would notice an error", "nothing checks"
 Place = tuple[float, float, float]
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
 UNIT_SIGMA, BY_CHANCE = 2.0, 0.05
@@ -53,13 +52,16 @@ the units in at most such a share of cases: a mistake in reading, typing or of t
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The problem without the references that are wrong; where it is not clear which one is, with all of them as
-    uncertain as they contradict one another. Notes for the user, warnings, and errors of references that nothing would
-    notice. `given`: the problem with all references as they were given, where they differ."""
+    uncertain as they contradict one another. Notes for the user, warnings, errors that would stay `hidden`, and notes of
+    these. `unseen`: to how many metres what references are of was seen, where that was not seen well. `given`: the
+    problem with all references as they were given, where they differ."""
 
     problem: Problem
     notes: tuple[str, ...] = ()
     warnings: tuple[MapWarning, ...] = ()
+    hidden: tuple[Unchecked, ...] = ()
     unchecked: tuple[str, ...] = ()
+    unseen: Mapping[str, float] = field(default_factory=dict)
     given: Problem | None = None
 
 
@@ -87,17 +89,42 @@ def _gauge(problem: Problem, solution: Floats, slopes: Floats) -> Floats:
     return np.asarray(orth(np.column_stack([solution, moved[:, [axis for axis in range(3) if axis not in fixed]]])))
 
 
-def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariance: Covariance) -> Judgement:
-    """The problem without what is wrong in it, from the estimate of the softened problem and its covariance.
+def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariances: Iterator[Covariance]) -> Judgement:
+    """The problem without what is wrong in it, from the estimate of the softened problem and its covariances: that of the solve, and, where that
+    contradicts a reference, that in which points whose measurements are at no one place count less.
 
     Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
     wrong, or at all where the user wants that; never for what is presumed.
     """
-    agreed = agreement(soft, problem, estimate, covariance)
+    agreed = agreement(soft, problem, estimate, next(covariances))
     explained = _possible(problem, agreed, _explanations(problem, agreed))
+    unseen = dict[str, float]()
+    if explained and explained[0]:
+        seen = agreement(soft, problem, estimate, next(covariances))
+        while found := dict(_unseen(agreed, seen, explained, frozenset((*problem.presumed, *unseen)))):
+            unseen |= found
+            agreed = replace(agreed, unseen=np.array([unseen.get(name, 0.0) for name in agreed.names]))
+            explained = _possible(problem, agreed, _explanations(problem, agreed))
+    return replace(_judged(problem, agreed, explained, estimate), unseen=unseen)
+
+
+def _unseen(
+    agreed: Agreement, seen: Agreement, explained: Sequence[Names], known: Names
+) -> Iterator[tuple[str, float]]:
+    """The suspects, but those `known`, of what was not seen so well that it contradicts them, and to how many metres it was `seen`."""
+    for suspects in explained:
+        for name in suspects - known:
+            given, (rest, _), (_, sigma) = agreed.given(name), agreed.rest(name, suspects), seen.rest(name, suspects)
+            if abs(rest - given.value) < OFF_SIGMAS * np.hypot(given.sigma, sigma):
+                yield name, sigma
+
+
+def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], estimate: Estimate) -> Judgement:
+    """What follows from the sets of references that may be wrong."""
     if explained and not explained[0]:
-        granted, unchecked = _granted(problem, agreed, explained[0]), _unchecked(problem, agreed, explained[0])
-        return Judgement(problem, warnings=tuple(granted), unchecked=tuple(unchecked))
+        return Judgement(
+            problem, (), tuple(_granted(problem, agreed, explained[0])), *_hidden(problem, agreed, explained[0])
+        )
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     wanted = problem.camera.references.on_contradiction
     if explained and explained[0] <= frozenset(problem.presumed):
@@ -149,7 +176,7 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
     scales, passed = _scales(problem), _passed_over(problem, agreed)
 
     def is_known(name: str) -> bool:
-        (value, sigma), given = agreed.rest(name, out), _given(agreed, name).value
+        (value, sigma), given = agreed.rest(name, out), agreed.given(name).value
         surely = name in passed and value - given > max(REFUTED_M, REFUTED_SIGMA * sigma)
         return surely or sigma < max(KNOWN_M, SCALE_LIMIT * abs(given))
 
@@ -167,7 +194,7 @@ def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> li
 def _is_nothing(agreed: Agreement, name: str, out: Names) -> bool:
     """Whether the rest says that a distance is nothing, and knows it."""
     value, sigma = agreed.rest(name, out)
-    return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < _given(agreed, name).value / ABSURD
+    return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < agreed.given(name).value / ABSURD
 
 
 def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, warned: bool) -> Judgement:
@@ -195,8 +222,13 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
         line = f"{len(warnings)} of {len(agreed.all_names)} contradict the rest: check that they are of this row, and its `side`"
         warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
     warnings += _granted(problem, agreed, out)
-    unchecked = tuple(_unchecked(problem, agreed, out))
-    return Judgement(without(problem, out), notes=tuple(notes), warnings=tuple(warnings), unchecked=unchecked)
+    return Judgement(without(problem, out), tuple(notes), tuple(warnings), *_hidden(problem, agreed, out))
+
+
+def _hidden(problem: Problem, agreed: Agreement, out: Names) -> tuple[tuple[Unchecked, ...], tuple[str, ...]]:
+    """Errors that would stay hidden, and what to tell the user of them."""
+    found = unchecked(problem, agreed, out)
+    return tuple(found), tuple(unchecked_notes(problem, agreed, out, found))
 
 
 def _is_of_another(relation: Relation, otherwise: float) -> bool:
@@ -206,7 +238,7 @@ def _is_of_another(relation: Relation, otherwise: float) -> bool:
 
 def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:
     """What else may be wrong where a reference that is not used is off by far."""
-    if is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]):
+    if is_gross(agreed.given(name).value, agreed.rest(name, out)[0]):
         gap = where_frames_are_missing(problem)
         yield f"a part of the row may be missing from the map{f' ({gap})' if gap else ''}"
 
@@ -214,17 +246,17 @@ def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iter
 def _presumed_less(problem: Problem, agreed: Agreement, out: Names) -> Judgement:
     """With what is presumed as uncertain as it deviates: without it the rest does not give scale or place."""
     deviations = agreed.deviations()
-    wider = {name: deviations[name] * _given(agreed, name).sigma for name in out}
+    wider = {name: deviations[name] * agreed.given(name).sigma for name in out}
     details = tuple(problem.presumed[name] for name in sorted(out))
     warnings = (MapWarning("doubtful-scale", details=details), *_granted(problem, agreed, frozenset()))
-    return Judgement(with_sigmas(problem, wider), details, warnings, tuple(_unchecked(problem, agreed, frozenset())))
+    return Judgement(with_sigmas(problem, wider), details, warnings, *_hidden(problem, agreed, frozenset()))
 
 
 def _uncertain(
     problem: Problem, agreed: Agreement, suspects: Sequence[tuple[str, Names]], lines: Sequence[str]
 ) -> Judgement:
     """With all of them, each as uncertain as it deviates."""
-    wider = {name: abs(_given(agreed, name).value - agreed.rest(name, out)[0]) for name, out in suspects}
+    wider = {name: abs(agreed.given(name).value - agreed.rest(name, out)[0]) for name, out in suspects}
     details = (
         "which one is wrong is not clear; each is used as inaccurate as it is off",
         *lines,
@@ -241,64 +273,15 @@ def _or_the_camera(problem: Problem) -> Iterator[str]:
         yield "if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or `{panorama: true}`"
 
 
-def _unchecked(problem: Problem, agreed: Agreement, out: Names) -> Iterator[str]:
-    """Of references that agree without those that are `out`: a line about those that nothing can contradict, for they alone give scale or
-    place, and a line about those that the others check so loosely that an error of many standard deviations would go unnoticed, the largest
-    first."""
-    single, loose = list[str](), list[tuple[float, str]]()
-    for what, names in _errors(problem, agreed, out):
-        unnoticed = _unnoticed(agreed, names, out)
-        uses = [_given(agreed, name) for name in names]
-        if _is_alone(agreed, names, out):
-            single += [what] if len(names) == 1 or not single else []
-        elif unnoticed > UNCHECKED_SIGMA * min(use.sigma for use in uses):
-            loose.append((unnoticed, what))
-    if len(single) == 1:
-        what = "scale" if single[0] in _scales(problem) else "place"
-        yield f"one reference gives the {what}, {single[0]}: {UNCHECKED} it; measure a length"
-    elif single:
-        yield f"{UNCHECKED} {' and '.join(single)}, which give scale and place; measure a second length"
-    loose.sort(key=lambda item: -item[0])
-    for number, (unnoticed, name) in enumerate(loose[:NAMED]):
-        line = f"{LOOSELY} of {unnoticed:.2f} m in {name}"
-        yield f"{line}; measure a second length" if number == 0 else line
-    if len(loose) > NAMED:
-        yield f"{LOOSELY} of {loose[NAMED][0]:.2f} m in others"
-    for _, name in loose[:NAMED]:
-        if name in agreed.all_names:
-            value, sigma = agreed.rest(name, out)
-            yield f"without {name} it would be {value:.3f} m +- {sigma:.3f} m"
-
-
-def _is_alone(agreed: Agreement, names: Names, out: Names) -> bool:
-    """Whether no other reference that is not `out` says anything of these."""
-    return _unnoticed(agreed, names, out) > max(UNKNOWN_M, *(abs(_given(agreed, name).value) for name in names))
-
-
-def _unnoticed(agreed: Agreement, names: Names, out: Names) -> float:
-    """The error of references, common to all of them, m, that the rest notices in five of six cases only."""
-    return (agreed.critical + SURELY) * agreed.common_error(names, out)
-
-
 def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[MapWarning]:
     """A warning about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
     for name in problem.presumed:
-        if name not in out and _is_alone(agreed, frozenset({name}), out):
+        if name not in out and is_alone(agreed, frozenset({name}), out):
             why = (
                 f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods may hide it, and the map is wrong "
                 "by as much then; give a length, or a height on the structure"
             )
             yield MapWarning("doubtful-scale", details=(why,))
-
-
-def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
-    """What may be wrong of the references that are not `out`: each, and last all heights on the structure, measured from a wrong floor or to a
-    wrong edge. A height of 0 is the floor's, by definition."""
-    yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
-    levels = (item for item in problem.relations if item.name and item.axis == "y" and item.b is None and item.value)
-    heights = frozenset(item.name for item in levels) - out
-    if len(heights) > 1:
-        yield "all given heights together", heights
 
 
 def _scales(problem: Problem) -> Names:
@@ -308,7 +291,7 @@ def _scales(problem: Problem) -> Names:
 
 
 def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
-    return any(is_gross(_given(agreed, name).value, agreed.rest(name, out)[0]) for name, out in suspects)
+    return any(is_gross(agreed.given(name).value, agreed.rest(name, out)[0]) for name, out in suspects)
 
 
 def _conflict(
@@ -319,13 +302,13 @@ def _conflict(
     place: Place | None = None,
 ) -> MapWarning:
     """The warning about references that contradict the rest, of which one is the furthest off without some others."""
-    use, (otherwise, sigma) = _given(agreed, worst[0]), agreed.rest(*worst)
+    use, (otherwise, sigma) = agreed.given(worst[0]), agreed.rest(*worst)
     figure, off = off_by(otherwise - use.value, float(np.hypot(use.sigma, sigma))), abs(otherwise - use.value)
     return MapWarning("reference-conflict", tuple(names), figure, place, details=tuple(details), size=off)
 
 
 def _line(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
-    use = _given(agreed, name)
+    use = agreed.given(name)
     otherwise, sigma = agreed.rest(name, out)
     says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
     if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
@@ -335,13 +318,13 @@ def _line(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
 
 def _unit_of(agreed: Agreement, name: str, out: Names) -> str:
     """The unit in which a reference seems to be given instead of metres; "" where none is the likeliest cause."""
-    use, (otherwise, sigma) = _given(agreed, name), agreed.rest(name, out)
+    use, (otherwise, sigma) = agreed.given(name), agreed.rest(name, out)
     return unit_of(use.value, use.sigma, otherwise, sigma)
 
 
 def _in_unit(agreed: Agreement, name: str, out: Names) -> str:
     """A hint, where a reference seems to be given in another unit."""
-    unit, value = _unit_of(agreed, name, out), _given(agreed, name).value
+    unit, value = _unit_of(agreed, name, out), agreed.given(name).value
     return f" ({value:.3f} {unit} are {value * UNITS[unit]:.3f} m)" if unit else ""
 
 
@@ -353,11 +336,6 @@ def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) ->
             likely = len(UNITS) * 2 * within < BY_CHANCE * max(abs(value), abs(otherwise))
             return unit if likely else ""
     return ""
-
-
-def _given(agreed: Agreement, name: str) -> ReferenceUse:
-    index = int(agreed.at(name)[0])
-    return ReferenceUse(name, float(agreed.values[index]), float(agreed.sigmas[index]), float("nan"))
 
 
 def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> Place | None:

@@ -1,6 +1,6 @@
 """Tests of each reference against the rest: Baarda's test, and references that contradict all measurements."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,9 +69,12 @@ class SolvedReference:
         return float(self.slope @ covariance.of(self.keys) @ self.slope) - self.considered(covariance)
 
 
-def reference_tests(problem: Problem, estimate: Estimate, covariance: Covariance) -> list[ReferenceTest]:
-    """A test of every reference."""
-    return [_test(solved, covariance) for solved in solved_references(problem, estimate)]
+def reference_tests(
+    problem: Problem, estimate: Estimate, covariance: Covariance, unseen: Mapping[str, float]
+) -> list[ReferenceTest]:
+    """A test of every reference; `unseen`: those of what was not seen well, and to how many metres it was."""
+    solved = solved_references(problem, estimate)
+    return [_test(item, covariance, unseen.get(item.use.name, 0.0)) for item in solved]
 
 
 def solved_references(problem: Problem, estimate: Estimate) -> Iterator[SolvedReference]:
@@ -121,7 +124,7 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate) -> SolvedR
     return SolvedReference(use, slope, list(relation.keys), relation.is_given)
 
 
-def _test(solved: SolvedReference, covariance: Covariance) -> ReferenceTest:
+def _test(solved: SolvedReference, covariance: Covariance, unseen: float) -> ReferenceTest:
     """Baarda's test: a residual's variance is the reference's less the solution's, plus what comes from unknowns that are not
     estimated.
 
@@ -130,14 +133,14 @@ def _test(solved: SolvedReference, covariance: Covariance) -> ReferenceTest:
     """
     use = solved.use
     share = max(1.0 - solved.estimated(covariance) / use.sigma**2, LEAST_SPARE)
-    spread = float(np.sqrt(share * use.sigma**2 + solved.considered(covariance)))
+    spread = float(np.sqrt(share * use.sigma**2 + solved.considered(covariance) + (share * unseen) ** 2))
     residual = use.solved - use.value
     if spread / share > max(VAGUE_M, VAGUE_SHARE * abs(use.value)):
         return ReferenceTest(use, use.solved, 0.0, solved.is_given)
     return ReferenceTest(use, use.value + residual / share, abs(residual) / spread, solved.is_given)
 
 
-def refuse_contradiction(problem: Problem, tests: list[ReferenceTest]) -> None:
+def refuse_contradiction(problem: Problem, tests: Sequence[ReferenceTest]) -> None:
     """Raises SolveError where references deviate grossly, naming those that deviate most; not for what is presumed."""
     presumed = problem.presumed
     wrong = [test for test in tests if test.gross and test.use.name not in presumed]

@@ -21,7 +21,7 @@ from savmap.errors import visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports import require_library
 from savmap.maps.exports.hull import hull
-from savmap.maps.exports.marks import bytes_of, colours, sigmas, unique
+from savmap.maps.exports.marks import bytes_of, colours, remarks, sigmas, unique
 from savmap.maps.exports.models.bodies import Part, RowParts, depth_note, parts_of
 from savmap.types import Floats, RowMap, SiteMap, Structure
 from savmap.types.common import array_record
@@ -225,8 +225,8 @@ class _Drawing:
             entity.set_xdata(APP, _extended_data(part))
 
     def sheet(self, parts: RowParts, row: RowMap, corner: Floats) -> float:
-        """The drawings of a row right of and below a corner (2,): title, elevation, plan with what of its depths is
-        assumed. How wide they are, m."""
+        """The drawings of a row right of and below a corner (2,): title, elevation, plan, what of its depths is
+        assumed, and what must be checked. How wide they are, m."""
         front, above = list(_shapes(row, (0, 1), 1.0)), list(_shapes(row, (0, 2), -1.0))
         (low, high), (near, far) = _corners(front), _corners(above)
         left = min(low[0], near[0])
@@ -243,8 +243,8 @@ class _Drawing:
         beneath = start + np.array([0.0, min(low[1], 0.0) - 2 * CHAIN_M - BETWEEN_M - far[1]])
         for shape in above:
             self._outline("PLAN", shape, beneath)
-        if note := depth_note([parts]):
-            self._text(note, 2 * TEXT_M, beneath + np.array([left, near[1] - 4 * TEXT_M]), LONGEST_NOTE)
+        for number, note in enumerate(filter(None, (depth_note([parts]), *remarks([row]))), 1):
+            self._text(note, 2 * TEXT_M, beneath + np.array([left, near[1] - 4 * number * TEXT_M]), LONGEST_NOTE)
         return float(max(high[0], far[0]) - left)
 
     def _outline(self, kind: str, shape: Shape, start: Floats) -> None:

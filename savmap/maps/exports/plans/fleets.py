@@ -13,6 +13,7 @@ import numpy as np
 from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.files import json_text, timestamp
+from savmap.maps.exports.marks import remarks
 from savmap.maps.exports.plans.footprints import depth_note, obstacles
 from savmap.maps.exports.plans.routes import RouteGraph, Station, route_graph
 from savmap.types import Floats, SiteMap
@@ -22,6 +23,7 @@ VEHICLE = "any"
 """The one type of vehicle that is spoken of: a map does not know any other."""
 MAP = "map"
 DECIMALS = 4
+ABOUT = "nodes and edges follow the path on which the camera was driven, metres and radians"
 
 
 def write_lif(site: SiteMap, path: Path) -> None:
@@ -33,7 +35,7 @@ def write_lif(site: SiteMap, path: Path) -> None:
         "layoutId": "savmap",
         "layoutName": f"rows {', '.join(map(visible, site.rows))}",
         "layoutVersion": "1",
-        "layoutDescription": "Nodes and edges follow the path on which the camera was driven, metres and radians.",
+        "layoutDescription": "; ".join((ABOUT, *remarks(site.rows.values()))),
         "nodes": [_node(graph, number) for number in range(len(graph.nodes))],
         "edges": [_edge(graph, *way) for a, b in graph.edges for way in ((a, b), (b, a))],
         "stations": [
@@ -136,7 +138,10 @@ def write_zone_set(site: SiteMap, path: Path) -> None:
             "mapId": MAP,
             "zoneSetId": f"savmap-{digest[:12]}",
             "zoneSetDescriptor": "; ".join(
-                filter(None, ("solids that stand in the way of vehicles", depth_note(solids)))
+                filter(
+                    None,
+                    ("solids that stand in the way of vehicles", depth_note(solids), *remarks(site.rows.values())),
+                )
             ),
             "zones": zones,
         },

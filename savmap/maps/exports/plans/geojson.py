@@ -10,6 +10,7 @@ from savmap.errors import OutputError, visible
 from savmap.files.atomic import write_text
 from savmap.maps.exports.files import json_text
 from savmap.maps.exports.frames import Element, elements
+from savmap.maps.exports.marks import remarks
 from savmap.maps.exports.plans.footprints import Footprint, footprints
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Floats, SiteMap
@@ -93,7 +94,8 @@ def write_geojson(site: SiteMap, path: Path) -> None:
         nodes = earth.positions(graph.nodes)
         ways = [[nodes[a], nodes[b]] for a, b in graph.edges]
         features.append(feature("MultiLineString", ways, {"label": "driven"}))
-    write_text(path, json_text({"type": "FeatureCollection", "features": features}))
+    content = {"type": "FeatureCollection", "remarks": remarks(site.rows.values()), "features": features}
+    write_text(path, json_text(content))
 
 
 def ring(earth: Earth, outline: Floats) -> list[list[float]]:

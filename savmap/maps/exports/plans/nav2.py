@@ -13,6 +13,7 @@ import numpy.typing as npt
 from savmap.errors import OutputError
 from savmap.files.yaml_text import dumped
 from savmap.maps.exports.files import json_text, write_archive
+from savmap.maps.exports.marks import commented, remarks
 from savmap.maps.exports.plans.footprints import Footprint, depth_note, obstacles
 from savmap.maps.exports.plans.geojson import feature
 from savmap.maps.exports.plans.routes import RouteGraph, route_graph
@@ -35,13 +36,15 @@ def write_nav2(site: SiteMap, path: Path) -> None:
     if not solids:
         raise OutputError("nothing in this map stands in the way: it has no solids near the floor")
     picture, about = keepout(solids, graph.nodes)
+    said = remarks(site.rows.values())
+    head = commented((*said, depth_note(solids)))
     write_archive(
         path,
         {
             "keepout.pgm": picture,
-            "keepout.yaml": about,
-            "route_graph.geojson": json_text(route_content(graph)),
-            "vector_objects.yaml": vector_objects(solids),
+            "keepout.yaml": head + about,
+            "route_graph.geojson": json_text(route_content(graph) | {"remarks": said}),
+            "vector_objects.yaml": head + vector_objects(solids),
         },
     )
 
@@ -68,13 +71,7 @@ def keepout(solids: list[Footprint], driven: Floats) -> tuple[bytes, str]:
         "free_thresh": 0.25,
     }
     head = f"P5\n{columns} {rows}\n255\n".encode()
-    return head + np.ascontiguousarray(cells[::-1]).tobytes(), _remark(solids) + dumped(about)
-
-
-def _remark(solids: list[Footprint]) -> str:
-    """A comment of YAML about what is assumed."""
-    note = depth_note(solids)
-    return f"# {note}\n" if note else ""
+    return head + np.ascontiguousarray(cells[::-1]).tobytes(), dumped(about)
 
 
 def _mark(cells: npt.NDArray[np.uint8], outline: Floats) -> None:
@@ -141,4 +138,4 @@ def vector_objects(solids: list[Footprint]) -> str:
         for number, footprint in enumerate(solids, start=1)
     )
     text = dumped({"vector_object_server": {"ros__parameters": settings}}, flow=None)
-    return _remark(solids) + names + text
+    return names + text

@@ -9,6 +9,7 @@ import numpy as np
 from savmap.files.atomic import write_text
 from savmap.files.yaml_text import dumped
 from savmap.maps.exports.hull import hull
+from savmap.maps.exports.marks import commented, remarks
 from savmap.maps.exports.plans.footprints import depth_note, obstacles
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import SiteMap
@@ -62,6 +63,5 @@ def write_building(site: SiteMap, path: Path) -> None:
         "lifts": {},
         "crowd_sim": {"enable": 0},
     }
-    text = dumped(building, flow=None, width=1000)
-    note = depth_note(walls)
-    write_text(path, (f"# {note}\n" if note else "") + text)
+    head = commented((*remarks(site.rows.values()), depth_note(walls)))
+    write_text(path, head + dumped(building, flow=None, width=1000))
