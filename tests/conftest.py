@@ -27,6 +27,7 @@ LONGEST = (
     "test_resume.py",
     "test_isolation.py",
     "test_wrong_references.py",
+    "test_options.py",
 )
 """Files that take longest, by their names: they run first, so that no process is left with one of them at the end."""
 EXTRAS = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"][

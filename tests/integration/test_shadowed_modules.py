@@ -2,7 +2,6 @@
 
 import multiprocessing
 import operator
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,7 +15,8 @@ from savmap.jobs.executors import ProcessExecutor
 from savmap.live.mapper import Mapper
 from savmap.maps.imports import model
 
-ROOT = Path(__file__).parents[2]
+from ..video.made_up_video import demos_beginning
+
 SCRIPT = Path(sys.executable).with_name("savmap")
 RUN = 'open(__file__ + ".run", "w").close()\nraise SystemExit("a module of the working folder is run")\n'
 OTHERS = ("av", "cv2", "gtsam", "ifcopenshell", "matplotlib", "numpy", "onnxruntime", "pydantic", "scipy", "typer")
@@ -87,10 +87,10 @@ def test_the_reader_of_models_runs_no_module_of_the_working_folder(folder: Path)
 @pytest.mark.slow
 @pytest.mark.extra("bim")
 def test_a_folder_of_shadows_maps_exports_and_imports(folder: Path) -> None:
-    shutil.copy(ROOT / "savmap" / "demo" / "aisle-dev.mp4", folder / "aisle.mp4")
-    options = ("--plugins", "shelves", "--side", "left", "--set", "fps=1", "--set", "rows.1.end_s=9")
+    demos_beginning(folder / "aisle.mp4", 8.0)
+    options = ("--plugins", "shelves", "--side", "left", "--set", "fps=1")
     savmap("live", "aisle.mp4", *options, "--camera-height", "3.055", "--pace", "0", "-o", "out")
     savmap("export", "out/map.json", "-o", "hall.ifc")
-    savmap("import", "hall.ifc", "-o", "survey.json")
-    savmap("inspect", "out/map.json", "--drawing", "hall.ifc")
+    savmap("import", "hall.ifc", "--map", "out/map.json", "-o", "survey.json")
+    savmap("inspect", "out/map.json", "--drawing", "survey.json")
     assert Path("survey.json").is_file()

@@ -7,6 +7,7 @@ from pathlib import Path
 import av
 import numpy as np
 
+DEMO = Path(__file__).parents[2] / "savmap" / "demo" / "aisle-dev.mp4"
 H264 = {"g": "10"}
 H265 = {"x265-params": "log-level=none:keyint=10"}
 
@@ -37,6 +38,18 @@ def write_video(
             frame.pts, frame.time_base = round(stamp * 9000), Fraction(1, 9000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
+    return path
+
+
+def demos_beginning(path: Path, seconds: float) -> Path:
+    """The first seconds of the demo's clip, its packets as they are."""
+    with av.open(str(DEMO)) as whole, av.open(str(path), "w") as part:
+        filmed = whole.streams.video[0]
+        written = part.add_stream_from_template(filmed)
+        for packet in whole.demux(filmed):
+            if packet.dts is not None and packet.dts * packet.time_base < seconds:
+                packet.stream = written
+                part.mux(packet)
     return path
 
 
