@@ -39,6 +39,7 @@ from savmap.graph.problem import Problem
 from savmap.graph.references import CameraHeight
 from savmap.graph.solver.checks import checked
 from savmap.graph.solver.judgement.reference_tests import tested_keys
+from savmap.graph.solver.judgement.soft_references import without
 from savmap.graph.solver.judgement.unchecked import ANY_ERROR
 from savmap.graph.solver.levenberg_marquardt import minimum
 from savmap.graph.solver.optimise import (
@@ -70,7 +71,7 @@ def solve_rows(
     one. A row that cannot be solved alone comes back as its error, and the others are solved without it; rows that
     contradict one another are solved alone, with a note.
     """
-    single: list[Iterate | SolveError] = [_attempt(converged, problem) for problem in problems]
+    single = _refuted_once([_attempt(converged, problem) for problem in problems], problems, moments)
     iterates = {row: result for row, result in enumerate(single) if isinstance(result, Iterate)}
     number: dict[Hashable, int] = {}
     pictures = [[number.setdefault(moment, len(number)) for moment in moments[row]] for row in iterates]
@@ -83,6 +84,29 @@ def solve_rows(
     )
     together = [result if isinstance(result, SolveError) else next(solutions) for result in single]
     return [_with_refusals(row, together, problems, moments) for row in range(len(together))]
+
+
+def _refuted_once(
+    results: list[Iterate | SolveError], problems: Sequence[Problem], moments: Moments
+) -> list[Iterate | SolveError]:
+    """The rows by themselves, where a camera height of their drive, which is one reference, is named in one row that
+    leaves it out: others that do not agree with it either are solved without it."""
+    named = set[CameraHeight]()
+    heights = [set(problem.camera.references.camera_heights) for problem in problems]
+    for first, result in enumerate(results):
+        if isinstance(result, SolveError):
+            continue
+        used = {height.name for height in result.problem.camera.references.camera_heights}
+        refuted = {height for height in heights[first] if height.name not in used} - named
+        named |= refuted
+        for row, (problem, other) in enumerate(zip(problems, results, strict=True)):
+            shared = refuted & heights[row] if row != first and set(moments[first]) & set(moments[row]) else set()
+            agrees = isinstance(other, Iterate) and shared <= {*other.problem.camera.references.camera_heights}
+            if shared and not agrees:
+                again = _attempt(converged, without(problem, [height.name for height in shared]))
+                if isinstance(again, Iterate) and again.judgement:
+                    results[row] = replace(again, judgement=replace(again.judgement, given=problem))
+    return results
 
 
 REFUSED = "another row of its drive cannot be mapped: what is given for both may be wrong"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -55,7 +56,7 @@ def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) ->
     recognised = each(located, lambda row: recognise(row, monitor))
     tracked = each(recognised, lambda row: track(row, monitor))
     posed = each(tracked, lambda row: constrain(row, monitor))
-    solved = solve(posed, monitor)
+    solved = solve(posed, recognised, monitor)
     described = each(solved, describe)
     return each(described, collect)
 
@@ -144,15 +145,53 @@ def constrain(row: TrackedRow, monitor: Monitor) -> PosedRow:
     return PosedRow(**vars(row), problem=problem)
 
 
-def solve(rows: Sequence[PosedRow | SavmapError], monitor: Monitor) -> list[SolvedRow | SavmapError]:
-    """The rows' solutions, solved as one where they share frames."""
+def solve(
+    rows: Sequence[PosedRow | SavmapError], located: Sequence[LocatedRow | SavmapError], monitor: Monitor
+) -> list[SolvedRow | SavmapError]:
+    """The rows' solutions, solved as one where they share frames; refused where their sides are swapped."""
     posed = [row for row in rows if isinstance(row, PosedRow)]
     plugins = {plugin.name for row in posed for plugin in row.request.plugins}
     everywhere = plugins.difference(*(row.measurements.locators for row in posed))
     if len(posed) > 1:
         monitor.note(f"rows {' and '.join(row.request.name for row in posed)} share a pass: solving them together")
     solutions = iter(graph.solve_rows([row.problem for row in posed], [row.moments for row in posed], everywhere))
-    return each(rows, lambda row: _solved(row, next(solutions), monitor))
+    as_given = each(rows, lambda row: _solved(row, next(solutions)))
+    swapped = swapped_sides(located, as_given)
+    solved = [swapped.get(number, row) for number, row in enumerate(as_given)]
+    return each(solved, lambda row: _with_notes(row, monitor))
+
+
+def swapped_sides(
+    located: Sequence[LocatedRow | SavmapError], solved: Sequence[SolvedRow | SavmapError]
+) -> dict[int, SavmapError]:
+    """An error for two rows of a drive, by their numbers, of which one does not fit its references, where those of
+    either fit the other."""
+    errors = dict[int, SavmapError]()
+    for (a, row), (b, other) in combinations(enumerate(located), 2):
+        if isinstance(row, SavmapError) or isinstance(other, SavmapError) or not {*row.moments} & {*other.moments}:
+            continue
+        if (_is_refuted(solved[a]) or _is_refuted(solved[b])) and _fits(row, other) and _fits(other, row):
+            rows = f"rows {row.request.name} and {other.request.name}"
+            errors[a] = errors[b] = SiteError(f"{rows}: the references of each fit the other: swap their `side`")
+    return errors
+
+
+def _is_refuted(row: SolvedRow | SavmapError) -> bool:
+    """Whether a row contradicts its references."""
+    return isinstance(row, SavmapError) or any(item.code == "reference-conflict" for item in row.solution.warnings)
+
+
+def _fits(row: LocatedRow, other: LocatedRow) -> bool:
+    """Whether a row can be mapped with the references of another one, and does not contradict them."""
+    plugins = [plugin for plugin in other.request.plugins if plugin.name in row.measurements.locators]
+    request = replace(row.request, references=other.request.references, plugins=plugins)
+    frames = replace(row.frames, references=other.frames.references)
+    try:
+        tracked = track(replace(row, request=request, frames=frames), SilentMonitor())
+        solution = graph.solve(constrain(tracked, SilentMonitor()).problem)
+    except SavmapError:
+        return False
+    return not any(item.code == "reference-conflict" for item in solution.warnings)
 
 
 def describe(row: SolvedRow) -> DescribedRow:
@@ -334,9 +373,14 @@ def floor_constraints(row: LocatedRow) -> tuple[Constraints, ...]:
     return (part,) if part is not None else ()
 
 
-def _solved(row: PosedRow, solution: graph.Solution | SolveError, monitor: Monitor) -> SolvedRow:
+def _solved(row: PosedRow, solution: graph.Solution | SolveError) -> SolvedRow:
     if isinstance(solution, SolveError):
         raise solution
-    for warning in solution.notes:
-        monitor.note(f"row {row.request.name}: {warning}")
     return SolvedRow(**vars(row), solution=solution)
+
+
+def _with_notes(row: SolvedRow, monitor: Monitor) -> SolvedRow:
+    """The row, once its notes are said."""
+    for note in row.solution.notes:
+        monitor.note(f"row {row.request.name}: {note}")
+    return row

@@ -104,6 +104,28 @@ def test_an_error_that_nothing_checks_is_told_of_both_rows(aisle: tuple[made.Wor
         assert 10 * sigma < error < hidden < 4 * error
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_height_in_feet_is_named_in_one_row_of_the_drive(aisle: tuple[made.World, made.World], order: int) -> None:
+    """It is one reference: row B, which cannot tell by itself, was refused, and frames were said to be missing."""
+    problems = two_faces.problems(*aisle)
+    feet = problems[0].camera.references.camera_heights[0].value_m / 0.3048
+
+    def in_feet(problem: Problem) -> Problem:
+        references = replace(problem.camera.references, camera_heights=(CameraHeight(feet, 0.02),))
+        return replace(problem, camera=replace(problem.camera, references=references))
+
+    of_a, of_b = solve_rows([in_feet(problem) for problem in problems][::order], SAME)[::order]
+    assert isinstance(of_a, Solution)
+    assert isinstance(of_b, Solution)
+    (warning,) = of_a.warnings
+    assert len(warning.details) == 1
+    assert f"camera height is given as {feet:.3f} m" in warning.details[0]
+    assert f"({feet:.3f} feet are {0.3048 * feet:.3f} m)" in warning.details[0]
+    assert (of_b.warnings, of_b.notes) == ((), ())
+    assert [solution.references[0].state for solution in (of_a, of_b)] == ["left out"] * 2
+    assert max(abs(length(world, found)[0]) for world, found in zip(aisle, (of_a, of_b), strict=True)) < 0.02
+
+
 def test_frames_that_do_not_match_are_told(aisle: tuple[made.World, made.World]) -> None:
     solutions = solve_rows(two_faces.problems(*aisle), [range(FRAMES), range(3, 3 + FRAMES)])
     assert "do not fit one camera path" in made.said(solutions[0].warnings[-1])

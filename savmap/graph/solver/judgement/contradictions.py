@@ -212,9 +212,10 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
             notes.append(line_of(relation, otherwise))
             harmless, warning = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
-            line = f"{_line(problem, agreed, name, out)}{_in_unit(agreed, name, out)}: it is not used"
+            in_unit = _in_unit(agreed, name, out)
+            line = f"{_line(problem, agreed, name, out)}{in_unit}: it is not used"
             notes.append(f"{line}; measure it again")
-            harmless, details = False, (line, *_missing(problem, agreed, name, out))
+            harmless, details = False, (line, *(() if in_unit else _missing(problem, agreed, name, out)))
             warning = _conflict(agreed, (name,), (name, out), details, place)
         if warned and not harmless:
             warnings.append(warning)
@@ -311,7 +312,8 @@ def _line(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
     use = agreed.given(name)
     otherwise, sigma = agreed.rest(name, out)
     says = f"says {otherwise:.3f} m +- {sigma:.3f} m"
-    if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0):
+    is_size = name in _scales(problem)  # cameras are above the floor, and ends apart
+    if abs(otherwise - use.value) > ABSURD * max(abs(use.value), 1.0) or (is_size and otherwise <= 0 < use.value):
         says = "does not fit it at all"
     return f"{stated(use, name not in problem.not_given)}, but the rest {says}"
 

@@ -55,7 +55,7 @@ def unchecked(problem: Problem, agreed: Agreement, out: Names) -> list[Unchecked
 def notes(problem: Problem, agreed: Agreement, out: Names, found: Sequence[Unchecked]) -> Iterator[str]:
     """What to tell the user of what was `found` to be unchecked: a line for each measurement that would check some of it, the worst first; then what all
     others say of single references."""
-    cameras = {item.name for item in problem.camera.references.camera_heights}
+    cameras = {item.name for item in problem.camera.references.camera_heights} - out
     relations = {relation.name: relation for relation in problem.relations if relation.name}
     heights = {name for name, relation in relations.items() if relation.b is None and relation.axis == "y"}
     by_remedy: dict[str, list[Unchecked]] = {}
