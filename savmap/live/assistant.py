@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from savmap.types import FilmedPanorama, Floats, Panorama, RowMap
 from savmap.video.motion import HIGH_DEG, LOW_DEG, WIDTH, PassWatch, small_grey
+from savmap.vision.views import DARK, LEGIBLE
 
 Severity = Literal["good", "attention", "stop"]
 Arrow = Literal["", "left", "right", "back", "on"]
@@ -27,8 +28,6 @@ FAST_DEG, LEAST_LIKENESS = 24.0, 0.75
 and the details of two frames should be so much alike once the motion is allowed for (`savmap.video.motion`)."""
 TURN_DEG_S = 20.0
 TILT_DEG = 12.0
-DARK, LIT_SHARE = 28.0, 0.1
-"""Grey levels; less than this share of the band around the horizon is brighter."""
 FLICKER = 0.12
 """Change of the mean brightness from frame to frame, up and down in turn, of the mean."""
 BLUR, SHARP_FRAMES = 0.6, 40
@@ -100,7 +99,7 @@ class CaptureAssistant:
     def _advice(self, band: Grey) -> Iterator[Advice]:
         if self._frames < LEAST:
             return
-        if float((band > DARK).mean()) < LIT_SHARE:
+        if float((band > DARK).mean()) < LEGIBLE:
             yield Advice("dark", "stop", "It is too dark: make it brighter, or let the camera expose for longer.")
             return
         if self.is_covered():

@@ -112,8 +112,7 @@ def end_told(output: Path) -> Iterator[None]:
         if failure is None or isinstance(failure, MAPPED):
             site_map = read_map(output / MAP)
             elements = sum(len(group) for row in site_map.rows.values() for group in row.structures.values())
-            state |= {"status": "mapped", "measured": state["frames"], "passed_over": 0, "elements": elements}
-            state["problem"] = site_map.banner
+            state |= {"status": "mapped", "elements": elements, "problem": site_map.banner}
         else:
             state |= {"status": "failed", "problem": str(failure) or "it was interrupted"}
         write_text(path, json.dumps(state, indent=1) + "\n")

@@ -58,7 +58,7 @@ from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.strips import PanoramaStrip, packed_grey, packed_maps, region_of, unpacked_grey
 from savmap.vision.view_planning import PassPreview
-from savmap.vision.views import Region, Renderer
+from savmap.vision.views import Region, Renderer, tones_of
 
 WORKERS, DEPTH = 2, 3
 CutKind = TypeVar("CutKind", bound=Cut)
@@ -299,6 +299,7 @@ class RowWalk:
             *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
         ]
         self.cuts: list[Cut] = []
+        self.tones: list[Mapping[str, tuple[float, float]]] = []
         self.warnings: list[MapWarning] = []
         self.skipped = 0
         self._region: Region | None = None
@@ -396,6 +397,7 @@ class RowWalk:
         for name, packed_views in self.packed_views.items():
             packed_views += record.packed_views.get(name, ())
         self.cuts += record.cuts
+        self.tones.append(record.tones)
 
     def end(self, report: DecodeReport, steps: Steps) -> None:
         """End a pass, of whose frames the report tells, and how the camera moved from each to the next."""
@@ -431,6 +433,7 @@ class RowWalk:
                 failed=failures,
                 warnings=tuple(self.warnings),
                 skipped=self.skipped,
+                tones=tuple(self.tones),
             ),
             strips=RowStrips(self.face.views, self._cuts_of(Strip), self._cuts_of(Still)),
             plugins=self.plugins,
@@ -470,8 +473,10 @@ class RowWalk:
         features: dict[str, list[Feature]] = {name: [] for name in self.features}
         packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
         maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
+        looked: dict[str, list[View]] = {}
         for view in views:
             for plugin in self._plugins_at(view):
+                looked.setdefault(plugin.name, []).append(view)
                 if plugin.name not in packed_views or plugin.name in self.locators:
                     detections = self.segmenters.detect(plugin, view)
                     pixels = panorama if plugin.name not in packed_views else None
@@ -480,7 +485,8 @@ class RowWalk:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))
                     maps[plugin.name][view.spec.name] = packed_maps(seen)
-        return FrameRecord(features, packed_views, cuts), maps
+        tones = {name: tones_of(shown) for name, shown in looked.items()}
+        return FrameRecord(features, packed_views, cuts, tones), maps
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]

@@ -37,12 +37,13 @@ After = TypeVar("After")
 
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
-    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, and
-    what was cut of it."""
+    """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, what
+    was cut of it, and by plugin which shares of its views are dark, and overexposed."""
 
     features: Mapping[str, Sequence[Feature]]
     packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
     cuts: Sequence[Cut] = ()
+    tones: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ class RowMeasurements:
     `failed`: by plugin, how it failed, where the row is mapped without it. `warnings`: what of the footage speaks
     against what was measured. `objects`: by plugin, what all frames together show, in the unit of `path`, which is
     up to scale. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many
-    frames the decoder left out, as the notes say."""
+    frames the decoder left out, as the notes say. `tones`: by frame and plugin, where it looked, which shares of its
+    views are dark, and overexposed."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -80,6 +82,7 @@ class RowMeasurements:
     depths: tuple[FlatDepth, ...] = ()
     floor: FloorTracks = field(default_factory=FloorTracks)
     skipped: int = 0
+    tones: Sequence[Mapping[str, tuple[float, float]]] = ()
 
 
 @dataclass(frozen=True, eq=False)

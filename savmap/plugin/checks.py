@@ -174,9 +174,9 @@ def check_related(related: Sequence[Structure], structures: Sequence[Structure])
     check_structures(related)
 
 
-def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structure]) -> None:
-    """Every warning is about structures that there are."""
-    ids = {structure.id for structure in structures}
+def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structure], name: str) -> None:
+    """Every warning is about structures that there are, or about all that the plugin of this name maps."""
+    ids = {name, *(structure.id for structure in structures)}
     for warning in warnings:
         require(
             ids.issuperset(warning.subjects),

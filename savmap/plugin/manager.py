@@ -234,6 +234,11 @@ class LoadedPlugin(HookCaller):
         return bool(getattr(self.instance, "needs_path", False))
 
     @property
+    def in_every_frame(self) -> bool:
+        """Whether each frame before a row should show something of the plugin's."""
+        return bool(getattr(self.instance, "in_every_frame", False))
+
+    @property
     def failure(self) -> PluginFailedError | None:
         """How the plugin failed, if it did and its failures are contained; here they are raised."""
         return None

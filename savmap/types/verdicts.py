@@ -68,7 +68,9 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
     "incomplete-map": WarningKind(
         "a part may be missing from the map",
         "look whether it is missing",
-        "nothing of a plugin is mapped though half of the frames show something; or only a part of the row was found",
+        "a plugin mapped nothing of what half of the frames show, or a fifth where each should show something; or "
+        "these are dark or overexposed; or it saw something as often as what it mapped; or only a part of the row was "
+        "found",
         of="parts",
         confirmable=True,
     ),

@@ -27,6 +27,10 @@ FRACTIONS = 32
 KEPT_TABLES = 32
 PIXEL = np.dtype((np.void, 3))
 
+DARK, WHITE, LEGIBLE = 28, 250, 0.1
+"""Grey levels: up to the first, and, of the darkest colour, from the second on, which noise makes white, nothing is
+told apart; so in a picture of which less than this share lies between."""
+
 Key = tuple[int, float, float, float, float, int, int]
 """What a table depends on: the panorama's height, and the view's angles and size."""
 
@@ -258,3 +262,11 @@ def _put(sampled: Image, level: Level, view: Image) -> None:
         view.reshape(-1, 3)[:] = sampled.reshape(-1, 3)[: level.mask.size]
         return
     view.view(PIXEL)[..., 0][level.mask] = sampled.view(PIXEL).ravel()[: np.count_nonzero(level.mask)]
+
+
+def tones_of(views: Sequence[View]) -> tuple[float, float]:
+    """Which shares of views are dark, and overexposed."""
+    pixels = np.concatenate([view.image.reshape(-1, 1, 3) for view in views])
+    limits = ((0, DARK), (WHITE, 255))
+    dark, white = (cv2.countNonZero(cv2.inRange(pixels, (low,) * 3, (high,) * 3)) for low, high in limits)
+    return dark / len(pixels), white / len(pixels)

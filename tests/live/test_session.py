@@ -268,7 +268,7 @@ def test_state_tells_how_the_final_map_ended(tmp_path: Path, failure: BaseExcept
             raise failure
     state = json.loads((tmp_path / STATE).read_text())
     mapped = failure is None or isinstance(failure, MustCheckError)
-    assert (state["status"], state["measured"]) == (("mapped", 9) if mapped else ("failed", 2))
+    assert (state["status"], state["frames"], state["elements"]) == ("mapped" if mapped else "failed", 9, 0)
     problems = {MustCheckError: "1 of 1 row must be checked: 1", StructureError: "no row"}
     assert state["problem"] == problems.get(type(failure), "it was interrupted" if failure else "")
 

@@ -355,6 +355,13 @@ def test_a_snapshot_is_what_was_measured_so_far(aimed: PassPlan) -> None:
     assert len(row.measurements.facts.frames.stamps_s) == 12
 
 
+def test_how_dark_and_how_bright_a_plugin_sees_is_kept(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drive, "tones_of", lambda views: (len(views) / 10, views[0].frame / 100))
+    walk = driven(walk_of([room("one", lambda view, _: []), room("two", lambda view, _: [])], aimed))
+    tones = [{"one": (0.2, frame / 100), "two": (0.1, frame / 100)} for frame in range(12)]
+    assert [*walk.walked().measurements.tones] == tones
+
+
 def test_points_are_followed_in_the_views_of_the_face_alone(aimed: PassPlan) -> None:
     face, ceiling = ViewSpec("face", -90.0, hfov_deg=120.0), ViewSpec("ceiling", 0.0, 80.0)
     plans = {"racks": ViewPlan((face,), np.eye(3)), "lamps": ViewPlan((ceiling,))}

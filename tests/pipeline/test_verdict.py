@@ -1,5 +1,6 @@
 """The verdict: which structures too few frames support, which odd and even frames disagree about, and what plugins warn of."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -272,21 +273,61 @@ def test_a_structure_that_few_frames_measured_is_warned_of() -> None:
     assert verdict.grade == "check"
 
 
-@pytest.mark.parametrize(("frames", "warned"), [(1.0, True), (0.3, False)])
-def test_what_was_seen_in_most_frames_and_not_mapped_is_warned_of(frames: float, warned: bool) -> None:
+FEW, MOST = range(3), range(1, made.FRAMES)
+LIT, GLARING, WHITE, DARK = (0.0, 0.0), (0.0, 0.1), (0.0, 0.95), (0.92, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("every", "measured", "kept", "tone", "missed"),
+    [
+        (False, MOST, (), LIT, 11),  # nothing mapped, though most frames show something
+        (False, FEW, (), LIT, 0),
+        (False, MOST, FEW, LIT, 0),  # what need not be in every frame
+        (True, MOST, FEW, LIT, 9),  # a stray one mapped, and nothing of what the others show
+        (True, MOST, MOST, GLARING, 0),  # all found, however bright it is
+        (True, FEW, FEW, LIT, 0),  # nothing else shows in the others
+        (True, FEW, FEW, GLARING, 9),
+        (False, FEW, FEW, GLARING, 0),
+        (False, FEW, FEW, WHITE, 9),
+        (False, FEW, FEW, DARK, 9),
+        (False, MOST, MOST, DARK, 0),
+    ],
+)
+def test_frames_of_which_nothing_is_mapped_are_warned_of(
+    every: bool, measured: Sequence[int], kept: Sequence[int], tone: tuple[float, float], missed: int
+) -> None:
     row = mapped(Wall)
     pixel, covariance = np.zeros((1, 2)), np.eye(2)[None]
-    seen = [
-        Feature(frame, made.VIEW, "lamp", "centre", 1, pixel, covariance) for frame in range(int(frames * made.FRAMES))
-    ]
-    lamps: LoadedPlugin = loaded_plugin("lamps", made.Wall, made.Config())
-    request = replace(row.request, plugins=[*row.request.plugins, lamps])
-    measurements = replace(row.measurements, features={**row.measurements.features, "lamps": seen})
-    row = replace(row, request=request, measurements=measurements, structures={**row.structures, "lamps": ()})
-    _, verdict = judge(row)
-    figure = f"nothing mapped, seen in {len(seen)} of {made.FRAMES} frames"
-    expected = [MapWarning("incomplete-map", ("lamps",), figure)]
-    assert [*verdict.warnings] == expected * warned
+    seen = [Feature(frame, made.VIEW, "lamp", "centre", 1, pixel, covariance) for frame in measured]
+    frames = np.array(kept, np.int64)
+    views, pixels = (made.VIEW,) * len(frames), np.zeros((len(frames), 2))
+    track = Track("lamp 1", "lamp", {}, frames, views, pixels, np.tile(np.eye(2), (len(frames), 1, 1)))
+    lamps: LoadedPlugin = loaded_plugin("lamps", type("Lamps", (made.Wall,), {"in_every_frame": every}), made.Config())
+    measurements = replace(
+        row.measurements,
+        features={**row.measurements.features, "lamps": seen},
+        tones=[{"wall": LIT, "lamps": tone}] * made.FRAMES,
+    )
+    structures = (replace(post(1), id="lamp 1", attributes={"probability": 1.0}),) if kept else ()
+    row = replace(
+        row,
+        request=replace(row.request, plugins=[*row.request.plugins, lamps]),
+        measurements=measurements,
+        tracks={**row.tracks, "lamps": [track] if kept else []},
+        structures={**row.structures, "lamps": structures},
+    )
+    found = [warning.figure for warning in judge(row)[1].warnings if warning.subjects == ("lamps",)]
+    assert found == ([f"nothing mapped in {missed} of {made.FRAMES} frames"] if missed else [])
+
+
+@pytest.mark.parametrize(("x", "kept"), [(2.0, True), (9.0, False)])
+def test_a_place_beyond_the_rows_ends_is_not_warned_of(x: float, kept: bool) -> None:
+    class Beside(Wall):
+        @hookimpl
+        def warnings(self) -> list[MapWarning]:
+            return [MapWarning("incomplete-map", ("wall",), "something is there", (x, 1.0, 0.0))]
+
+    assert len(judge(mapped(Beside))[1].warnings) == kept
 
 
 def test_what_a_plugin_the_footage_and_the_solve_warn_of_is_kept() -> None:

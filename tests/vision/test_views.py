@@ -8,9 +8,9 @@ import py360convert
 import pytest
 
 from savmap.geometry import pinhole, sphere
-from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
+from savmap.types import FilmedPanorama, Panorama, Planes, View, ViewSpec
 from savmap.video.decode import rgb_from_yuv
-from savmap.vision.views import KEPT_TABLES, Region, RegionPyramid, Renderer
+from savmap.vision.views import DARK, KEPT_TABLES, WHITE, Region, RegionPyramid, Renderer, tones_of
 
 VIEWS = [
     ViewSpec("ahead", 0, hfov_deg=90),
@@ -145,3 +145,14 @@ def test_planes_give_the_view_that_their_rgb_gives(spec: ViewSpec, height: int) 
     assert (np.abs(view.image - theirs) > 1).mean() < 0.06
     assert abs((view.image - theirs).mean()) < 0.2
     assert "image" not in vars(filmed)
+
+
+def test_tones_are_what_is_dark_in_all_colours_and_white_in_all() -> None:
+    spec = ViewSpec("ahead", 0, hfov_deg=90, width=8, height=5)
+    image = np.full((5, 8, 3), 100, np.uint8)
+    image[0] = (DARK, 3, 0)
+    image[1] = (DARK + 1, 3, 0)
+    image[2:4] = (WHITE, 255, 252)
+    image[4] = (WHITE - 1, 255, 255)
+    assert tones_of([View(spec, 0, 0.0, image)]) == (0.2, 0.4)
+    assert tones_of([View(spec, 0, 0.0, image), View(spec, 0, 0.0, np.zeros_like(image))]) == (0.6, 0.2)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.plugin import Floats, Solid, Structure, Track
-from savmap_lights.tracking import BY_MASK, SEEN_TO
+from savmap_lights.tracking import BESIDE, BY_MASK, SEEN_TO
 
 FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
 ENOUGH = 0.6
@@ -15,6 +15,8 @@ UNKNOWN_M = 1000.0
 SIDES, SIDES_NOT_SEEN = "sides", "not seen"
 """The attribute of a compact lamp, and its value where the brightness falls around it in at most a quarter of the
 frames."""
+LIGHT_BESIDE = "light beside, x m"
+"""The attribute of a lamp that tells where, beside it, something shines that may be a lamp too."""
 
 
 def is_whole(lamp: Structure) -> bool:
@@ -30,11 +32,14 @@ def with_open_ends(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[
     return [_opened(lamp, seen_to[lamp.id], length, lamps) if lamp.id in seen_to else lamp for lamp in lamps]
 
 
-def with_unseen_sides(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
-    """The lamps, with the attribute `SIDES` where most frames measured a lamp in the network's mask alone."""
-    unseen = _by_lamp(tracks, BY_MASK)
+def with_remarks(lamps: Sequence[Structure], tracks: Sequence[Track]) -> list[Structure]:
+    """The lamps, with the attributes `SIDES`, where most frames measured a lamp in the network's mask alone, and
+    `LIGHT_BESIDE`."""
+    unseen, x_of = _by_lamp(tracks, BY_MASK), _by_lamp(tracks, BESIDE)
+    sides = {name: {SIDES: SIDES_NOT_SEEN} for name in unseen}
+    lights = {name: {LIGHT_BESIDE: x} for name, x in x_of.items()}
     return [
-        replace(lamp, attributes={**lamp.attributes, SIDES: SIDES_NOT_SEEN}) if lamp.id in unseen else lamp
+        replace(lamp, attributes={**lamp.attributes, **sides.get(lamp.id, {}), **lights.get(lamp.id, {})})
         for lamp in lamps
     ]
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import is_whole, with_open_ends, with_solids, with_unseen_sides
+from savmap_lights.open_ends import LIGHT_BESIDE, is_whole, with_open_ends, with_remarks, with_solids
 from savmap_lights.scores import centre_of, score_lamps
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
@@ -75,6 +75,7 @@ class Lights:
     scale_settings = ()
     after_pixels = ("line",)
     needs_path = True
+    in_every_frame = True
 
     def __init__(self, config: Settings) -> None:
         self.config = config
@@ -115,7 +116,16 @@ class Lights:
         end in sight, the other is as far as it was seen, and not known along x. The space that a lamp fills has an
         assumed width and height."""
         lamps = with_open_ends(door.point_structures(tracks, landmarks, LOST_M), tracks)
-        return with_unseen_sides(with_solids(lamps), tracks)
+        return with_remarks(with_solids(lamps), tracks)
+
+    @hookimpl
+    def warnings(self, structures: Sequence[Structure]) -> list[door.MapWarning]:
+        """What shines on the lamps' line, is none of them, and was seen as often as they were."""
+        lights = [
+            (float(lamp.attributes[LIGHT_BESIDE]), lamp) for lamp in structures if LIGHT_BESIDE in lamp.attributes
+        ]
+        places = [(x, *centre_of(lamp)[0, 1:].tolist()) for x, lamp in lights]
+        return [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

@@ -19,14 +19,13 @@ from savmap_lights.space.partial import completed
 from savmap_lights.space.places import Aisle, Lamp, Place
 from savmap_lights.space.scatter import scatter
 from savmap_lights.space.ties import point_of
-from savmap_lights.space.unmapped import Light, light_before, light_beyond, shining
+from savmap_lights.space.unmapped import Light, lights_beside, shining
 
 MAX_SLOPE = 3.0
 LEAST_FITTING, MOST_FIT = 2, 0.5
 OTHER_PLANE_M, SURELY_OFF = 0.3, 5.0
 PATH_M = 0.007
-SEEN_TO, BEYOND, BEFORE = "seen to, mm", "light beyond, mm", "light before, mm"
-OFTEN = "light beyond, frames for those that show its neighbours, %"
+SEEN_TO, BESIDE = "seen to, mm", "light beside, mm"
 BY_MASK, MOSTLY = "measured in masks alone, %", 0.75
 
 
@@ -54,8 +53,7 @@ def track_lamps(features: Sequence[Feature], facts: RowFacts, start: Trajectory)
     tracks = _tracks(lamps, marks, level, line, facts, start)
     complete = _complete(tracks, lamps)
     mapped = [lamps[number - 1] for number in complete]
-    places = shining(observed, level, line, mapped)
-    return _numbered(tracks, complete, light_before(mapped, places), light_beyond(mapped, places))
+    return _numbered(tracks, complete, mapped, shining(observed, level, line, mapped))
 
 
 def _tracks(
@@ -110,26 +108,18 @@ def _complete(tracks: Sequence[Track], lamps: Sequence[Lamp]) -> list[int]:
 
 
 def _numbered(
-    tracks: Sequence[Track], complete: Sequence[int], before: Light | None, beyond: Sequence[Light | None]
+    tracks: Sequence[Track], complete: Sequence[int], lamps: Sequence[Lamp], lights: Sequence[Light]
 ) -> list[Track]:
-    """The tracks of the lamps that are complete, numbered anew, each with the place of light beyond it that no lamp
-    explains, the first with that of such light before it."""
+    """The tracks of the lamps that are complete, numbered anew, each with the place of light beside it that may be a
+    lamp too."""
+    of_lamp = [[track for track in tracks if track.place[track.label] == number] for number in complete]
+    x_of_light = lights_beside(lamps, [max(len(track.frames) for track in group) for group in of_lamp], lights)
     numbered = []
-    numbers = [int(track.place[track.label]) for track in tracks]
-    shown = [max(len(t.frames) for t, n in zip(tracks, numbers, strict=True) if n == lamp) for lamp in complete]
-    for track in tracks:
-        if track.place[track.label] in complete:
-            index = complete.index(int(track.place[track.label]))
+    for index, group in enumerate(of_lamp):
+        light = {BESIDE: round(1000 * x_of_light[index])} if index in x_of_light else {}
+        for track in group:
             name = f"{track.label} {index + 1} / {track.place['part']}"
-            lights = {BEYOND: beyond[index], BEFORE: before if index == 0 else None}
-            places = {key: round(1000 * light.x) for key, light in lights.items() if light is not None}
-            after = beyond[index]
-            often = (
-                {}
-                if after is None
-                else {OFTEN: round(200 * after.frames / sum((shown + shown[-1:])[index : index + 2]))}
-            )
-            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **places, **often}))
+            numbered.append(replace(track, name=name, place={**track.place, track.label: index + 1, **light}))
     return numbered
 
 

@@ -9,9 +9,11 @@ from savmap.graph import Landmark, Solution
 from savmap.graph.solver.solution import HalfDifference
 from savmap.pipeline.records import DescribedRow
 from savmap.pipeline.trust.support import Support, is_of, supports
+from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Bools, Floats, FoundObject, MapWarning, Structure, Verdict
 from savmap.video.course import ASTRAY_DEG, TURNED_DEG
 from savmap.video.motion import wrapped
+from savmap.vision.views import LEGIBLE
 
 SURE = 0.01
 """An element exists, or does not, where its probability is so near to 1 or 0."""
@@ -32,7 +34,10 @@ MOST_REJECTED, FAR_M = 0.5, 0.01
 SCATTERED_M, SCATTERED = 0.02, 4.0
 """A structure is inconsistent where the median distance of its measurements is larger than `SCATTERED_M`, and than
 `SCATTERED` times that of all structures of its label: they are then of several things."""
-OFTEN_SEEN = 0.5
+OFTEN_SEEN, UNMAPPED, GLARE = 0.5, 0.2, 0.05
+"""A part may be missing where nothing is mapped in such a share of the frames though they show something, or glare in
+more than the third: half of the frames where nothing is mapped at all, else a fifth (of ceilings of train rows at once,
+twice and four times their exposure, whole maps leave out 0.1 at most, most others 0.25 at least)."""
 OFF_DEG, OFF_SHARE = 0.02, 0.08
 """What a plugin measured is off in the camera's directions where it is so by a larger angle, which explains a larger
 share of its squared errors."""
@@ -55,11 +60,10 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
         mapped[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
         solution = row.solution, plugin.name
-        warnings += _unmapped(row, plugin.name)
+        warnings += _unmapped(row, plugin)
         of_elements += [*plugin.warnings(structures), *_uncertain(structures, support), *_inaccurate(structures)]
         of_elements += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
-    beyond = _beyond_ends(row)
-    warnings += [warning for warning in of_elements if not beyond.issuperset(warning.subjects or ("",))]
+    warnings += [warning for warning in of_elements if not _is_beyond(warning, row)]
     notes = (*row.solution.unchecked, *row.notes)
     return mapped, Verdict(tuple(dict.fromkeys(warnings)), tuple(dict.fromkeys(notes)))
 
@@ -84,15 +88,22 @@ def _is_refuted(warning: MapWarning, row: DescribedRow) -> bool:
     return turned < TURNED_DEG and bool(across < np.tan(np.radians(ASTRAY_DEG)) * along)
 
 
-def _beyond_ends(row: DescribedRow) -> frozenset[str]:
-    """The ids of what is wholly beyond the row's ends, along x: those of the face, which the locators find."""
+def _ends(row: DescribedRow) -> tuple[float, float]:
+    """Where the row begins and ends along x: the face, which the locators find; without one it has no end."""
     face = [part.vertices[:, 0] for name in row.measurements.locators for part in row.structures.get(name, ())]
-    if not face:
-        return frozenset()
-    first, last = np.concatenate(face).min(), np.concatenate(face).max()
+    x = np.concatenate(face) if face else np.array([-np.inf, np.inf])
+    return float(x.min()), float(x.max())
+
+
+def _is_beyond(warning: MapWarning, row: DescribedRow) -> bool:
+    """Whether all that a warning is about lies wholly beyond the row's ends: its subjects, or, of one that is about no
+    elements, its place."""
+    first, last = _ends(row)
+    if warning.of_row and warning.place is not None:
+        return not first <= warning.place[0] <= last
     along = [(part.id, part.vertices[:, 0]) for group in row.structures.values() for part in group]
     along += [(item.id, item.outline[:, 0]) for item in row.uncertain]
-    return frozenset(name for name, x in along if x.max() < first or x.min() > last)
+    return {name for name, x in along if x.max() < first or x.min() > last}.issuperset(warning.subjects or ("",))
 
 
 def _uncertain_objects(objects: Sequence[FoundObject]) -> Iterator[MapWarning]:
@@ -155,19 +166,27 @@ def _sigmas(structure: Structure) -> Floats:
     return np.asarray(np.sqrt(measured.max(axis=0)))
 
 
-def _unmapped(row: DescribedRow, plugin: str) -> Iterator[MapWarning]:
-    """A warning where a plugin measured something in most of the frames it looked at, and mapped nothing of it."""
-    features, facts = row.measurements.features.get(plugin, ()), row.measurements.facts
-    if row.structures.get(plugin) or plugin in row.measurements.locators:
-        return
-    views = {feature.view for feature in features}
-    seen = len({feature.frame for feature in features})
-    looked = sum(
-        any(name.startswith(f"{of} / ") and facts.views[name].shows(frame) for name in views)
-        for frame, of in enumerate(facts.frames.passes)
-    )
-    if seen >= max(LEAST_EXPECTED, OFTEN_SEEN * looked):
-        yield MapWarning("incomplete-map", (plugin,), f"nothing mapped, seen in {seen} of {looked} frames")
+def _unmapped(row: DescribedRow, plugin: LoadedPlugin) -> Iterator[MapWarning]:
+    """A warning where nothing of a plugin is mapped in many of the frames that were taken before the face. These are
+    dark or overexposed; or the plugin measured something, and each frame should show something of it, or nothing is
+    mapped at all."""
+    name, structures, path = plugin.name, row.structures.get(plugin.name, ()), row.solution.trajectory
+    first, last = _ends(row)
+    places = dict(zip(path.frames.tolist(), path.world_from_rig[:, 0, 3].tolist(), strict=True))
+    frames = [frame for frame, tones in enumerate(row.measurements.tones) if name in tones]
+    before = {
+        frame: row.measurements.tones[frame][name] for frame in frames if first <= places.get(frame, first) <= last
+    }
+    glare = GLARE if plugin.in_every_frame else 1.0
+    unseen = {frame for frame, (dark, white) in before.items() if dark + white > 1 - LEGIBLE or white > glare}
+    measured = {feature.frame for feature in row.measurements.features.get(name, ())} & before.keys()
+    shown = unseen | measured if plugin.in_every_frame or not structures else unseen
+    tracks = row.tracks.get(name, ()) if structures else ()
+    missed = sorted(shown.difference(*(track.frames.tolist() for track in tracks)))
+    if len(missed) >= max(LEAST_EXPECTED, (UNMAPPED if structures else OFTEN_SEEN) * len(before)):
+        figure = f"nothing mapped in {len(missed)} of {len(before)} frames"
+        details = (f"{len(unseen.intersection(missed))} of these are overexposed or dark",)
+        yield MapWarning("incomplete-map", (name,), figure, frame=missed[len(missed) // 2], details=details)
 
 
 def _stretched(solution: Solution) -> Iterator[MapWarning]:

@@ -71,9 +71,9 @@ def features_of(lines: Sequence[Floats]) -> list[Feature]:
     return found
 
 
-def solved() -> tuple[list[Track], Solution]:
+def solved(features: Sequence[Feature] | None = None) -> tuple[list[Track], Solution]:
     """One line of lamps, tracked and solved for on a path that is held."""
-    tracks = track_lamps(features_of([ends()]), facts(), path())
+    tracks = track_lamps(features_of([ends()]) if features is None else features, facts(), path())
     constraints = LINE.constrain(tracks, facts(), path(), KeySpace("lights"))
     return tracks, solve(merge(camera_priors(facts(), path(), fixed=path()), constraints))
 
@@ -162,6 +162,26 @@ def test_a_lamp_that_could_not_be_placed_is_not_in_the_map() -> None:
     }
     found = LINE.describe(tracks, lost)
     assert [lamp.id for lamp in found] == ["light 1", "light 3", "light 4", "light 5"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("every", "warned"), [(1, True), (4, False), (0, False)])
+def test_light_seen_as_often_as_lamps_is_warned_of(every: int, warned: bool) -> None:
+    """The third lamp shines in each so many frames and its ends show in none."""
+    shining = features_of([ends()[2:3]]) if every else []
+    middles = [
+        replace(feature, instance=feature.instance + 500)
+        for feature in shining
+        if feature.part == "middle" and feature.frame % every == 0
+    ]
+    tracks, solution = solved([*features_of([np.delete(ends(), 2, axis=0)]), *middles])
+    lamps = LINE.describe(tracks, solution.landmarks_of("lights"))
+    assert len(lamps) == len(ends()) - 1
+    warnings = LINE.warnings(lamps)
+    assert [(warning.code, warning.subjects) for warning in warnings] == [("incomplete-map", ("lights",))] * warned
+    for warning in warnings:
+        assert warning.place is not None
+        assert np.abs(np.array(warning.place) - ends()[2].mean(axis=0)).max() < 0.2
 
 
 @pytest.mark.slow

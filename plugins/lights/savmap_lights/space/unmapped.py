@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.plugin import Sightings
+from savmap.plugin import Floats, Sightings
 from savmap.vision import peaks
 from savmap_lights.space.line import LEAST_FRAMES
 from savmap_lights.space.places import SAME_LAMP_M, Lamp
 
 BESIDE_M = 0.4
 ASIDE_M = 0.25
+OFTEN, NEAR_STEP = 0.75, 0.2
+FEWEST, MOST, REGULAR = 4, 0.75, 0.05
 
 
 @dataclass(frozen=True)
@@ -35,20 +37,38 @@ def shining(sightings: Sightings, level_m: float, line_z: float, lamps: Sequence
     return [Light(place, count) for place, count in zip(places.tolist(), counts, strict=True) if count >= LEAST_FRAMES]
 
 
-def light_beyond(lamps: Sequence[Lamp], lights: Sequence[Light]) -> list[Light | None]:
-    """For each lamp, in their order along x, the light between it and the next that most frames saw."""
-    reaches = [reach_of(lamp) for lamp in lamps]
-    nexts = [*(low for low, _ in reaches[1:]), np.inf]
-    return [
-        max((light for light in lights if high < light.x < after), key=lambda light: light.frames, default=None)
-        for (_, high), after in zip(reaches, nexts, strict=True)
+def lights_beside(lamps: Sequence[Lamp], frames: Sequence[int], lights: Sequence[Light]) -> dict[int, float]:
+    """By lamp, the x of light beside it that may be a lamp too: it was seen in about as many frames as the lamps on
+    either side of it, or the only one, and is where a lamp would be by their spacing, if they have one. `lamps` are in
+    their order along x, and were seen in so many `frames`."""
+    reaches = np.array([reach_of(lamp) for lamp in lamps])
+    spaced = spacing_of(reaches.mean(axis=1))
+    beside: dict[int, float] = {}
+    for light in sorted(lights, key=lambda light: light.frames):
+        after = int(np.searchsorted(reaches[:, 0], light.x))
+        before = max(after - 1, 0)
+        is_between = spaced is not None and abs(_off_step(light.x - spaced[0], spaced[1])) > NEAR_STEP
+        if light.frames >= OFTEN * np.mean(frames[before : after + 1]) and not is_between:
+            beside[before] = light.x
+    return beside
+
+
+def spacing_of(middles: Floats) -> tuple[float, float] | None:
+    """A lamp's x and the spacing of lamps at these x (n,) in order, m: a step between two neighbours such that the
+    others are so many steps away. None where they are few, or less than `MOST` of them are."""
+    fitting = [
+        (int((np.abs(_off_step(middles - x, step)) < REGULAR).sum()), step, x)
+        for step in np.diff(middles).tolist()
+        for x in middles.tolist()
+        if step > 0
     ]
+    count, step, x = max(fitting, default=(0, 0.0, 0.0))
+    return (x, step) if count >= max(FEWEST, MOST * len(middles)) else None
 
 
-def light_before(lamps: Sequence[Lamp], lights: Sequence[Light]) -> Light | None:
-    """The last light before the first lamp."""
-    first = reach_of(lamps[0])[0]
-    return max((light for light in lights if light.x < first), key=lambda light: light.x, default=None)
+def _off_step(along: Floats | float, step: float) -> Floats:
+    """By what share of a step a distance, m, is off a whole number of them."""
+    return np.asarray(along / step - np.round(along / step))
 
 
 def reach_of(lamp: Lamp) -> tuple[float, float]:
