@@ -122,7 +122,7 @@ def apart(words: list[str], out: Path) -> Run:
     """A command in a process of its own, of which this holds for workers, too."""
     script = out.with_suffix(".py")
     script.write_text(KEEPS_EACH_FRAME, encoding="utf-8")
-    done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run([sys.executable, script, *words], capture_output=True, text=True, timeout=1800, check=False)
     return Run(out, done.returncode, done.stdout + done.stderr, 0)
 
 

@@ -37,7 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def savmap(*arguments: object) -> str:
     """What a command prints that ends well, or with a row to be checked."""
-    done = subprocess.run([SCRIPT, *map(str, arguments)], capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run([SCRIPT, *map(str, arguments)], capture_output=True, text=True, timeout=1800, check=False)
     assert done.returncode in (0, MustCheckError.exit_code), done.stdout + done.stderr
     return done.stdout
 
@@ -59,7 +59,7 @@ def test_as_a_module_it_runs_none_of_the_working_folder(folder: Path) -> None:
 def as_module(*arguments: str, folder: Path) -> str:
     """What `python -m` prints in a folder."""
     command = [sys.executable, "-m", *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -74,7 +74,7 @@ def test_the_live_mapper_runs_no_module_of_the_working_folder(folder: Path, capf
     """It comes as far as its job, which is none."""
     mapper = Mapper(NOTHING, "A", "key", NOTHING, {})
     (process,) = (child for child in multiprocessing.active_children() if child.name == "savmap-live")
-    process.join(60)
+    process.join(600)
     mapper.close()
     assert "'NoneType' object has no attribute 'site'" in capfd.readouterr().err
 
