@@ -40,7 +40,6 @@ from savmap.graph.references import CameraHeight
 from savmap.graph.solver.checks import checked
 from savmap.graph.solver.judgement.reference_tests import tested_keys
 from savmap.graph.solver.judgement.soft_references import without
-from savmap.graph.solver.judgement.unchecked import ANY_ERROR
 from savmap.graph.solver.levenberg_marquardt import minimum
 from savmap.graph.solver.optimise import (
     Iterate,
@@ -190,16 +189,15 @@ class JointRows:
             for single, joint, *parts in zip(self.iterates, moved, tested, reported, strict=True)
         ]
         _require_references_fit(self.iterates, solutions)
+        by_itself = f"{self._names} are solved together: another's references count here, too"
         return [
-            replace(row, report={**row.report, "solved_together": self._names}, unchecked=self._by_itself(row))
+            replace(
+                row,
+                report={**row.report, "solved_together": self._names},
+                unchecked=(*row.unchecked, *([by_itself] if row.unchecked else [])),
+            )
             for row in solutions
         ]
-
-    def _by_itself(self, row: Solution) -> tuple[str, ...]:
-        """What nothing would notice in a row by itself: the others' references give the scale of all."""
-        if not any(ANY_ERROR in line for line in row.unchecked):
-            return row.unchecked
-        return (*row.unchecked, f"{self._names} are solved together: another's references count here, too")
 
     @property
     def _names(self) -> str:

@@ -240,13 +240,19 @@ def collect(row: DescribedRow) -> RowMap:
     facts, solution = row.measurements.facts, row.solution
     notes = (*row.measurements.notes, *row.notes, *solution.notes)
     structures, verdict = judge(row)
-    joint = joint_covariance(structures, solution)
+    joint, largest_m = (
+        joint_covariance(structures, solution),
+        float(np.abs(solution.covariance.hidden).max(initial=0.0)),
+    )
     row_map = RowMap(
         name=row.request.name,
         frames=facts.frames,
         views=facts.views,
         trajectory=solution.trajectory,
-        structures=with_unchecked(structures, joint, float(np.abs(solution.covariance.hidden).max(initial=0.0))),
+        structures={
+            plugin: tuple(with_unchecked(plugin, part, joint, largest_m) for part in group)
+            for plugin, group in structures.items()
+        },
         references=tuple(solution.references),
         report={
             **solution.report,
@@ -261,23 +267,12 @@ def collect(row: DescribedRow) -> RowMap:
     return row_map if row.place is None else in_row(row_map, row.place, row.request.against[row.place.row])
 
 
-def with_unchecked(
-    structures: Mapping[str, Sequence[Structure]], joint: JointCovariance | None, largest_m: float
-) -> dict[str, tuple[Structure, ...]]:
-    """The structures by plugin, each with how far it may be off before a second reference shows it, where that is a
-    millimetre or more: as far as the `largest_m` of the row where none of its coordinates was solved for."""
-
-    def off_m(plugin: str, part: Structure) -> float:
-        moves = [joint.moves(plugin, part, number) for number in range(len(part.vertices))] if joint else []
-        return round(float(np.abs(moves).max(initial=0.0) or largest_m), 3)
-
-    return {
-        plugin: tuple(
-            replace(part, attributes={**part.attributes, **({UNCHECKED: off} if (off := off_m(plugin, part)) else {})})
-            for part in group
-        )
-        for plugin, group in structures.items()
-    }
+def with_unchecked(plugin: str, part: Structure, joint: JointCovariance | None, largest_m: float) -> Structure:
+    """A structure with how far it may be off before a second reference shows it, where that is a millimetre or more: as
+    far as the `largest_m` of the row where none of its coordinates was solved for."""
+    moves = [joint.moves(plugin, part, number) for number in range(len(part.vertices))] if joint else []
+    off_m = round(float(np.abs(moves).max(initial=0.0) or largest_m), 3)
+    return replace(part, attributes={**part.attributes, UNCHECKED: off_m}) if off_m else part
 
 
 def plugins_in_order(plugins: Sequence[LoadedPlugin], measurements: RowMeasurements) -> Iterator[LoadedPlugin]:

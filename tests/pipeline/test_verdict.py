@@ -87,10 +87,8 @@ def test_what_was_not_solved_for_is_as_unchecked_as_the_row() -> None:
         (None, [0.4] * 3),
         (replace(joint, hidden=np.zeros((0, 1))), [0.4] * 3),
     ):
-        found = with_unchecked({"wall": posts}, known, 0.4)["wall"]
-        assert [part.unchecked_m for part in found] == wanted
-    (checked,) = with_unchecked({"wall": posts[:1]}, None, 0.0)["wall"]
-    assert checked.unchecked_m is None
+        assert [with_unchecked("wall", part, known, 0.4).unchecked_m for part in posts] == wanted
+    assert with_unchecked("wall", posts[0], None, 0.0) is posts[0]
 
 
 @pytest.mark.parametrize(

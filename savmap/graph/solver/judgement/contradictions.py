@@ -28,7 +28,6 @@ from savmap.graph.solver.judgement.agreement import Agreement, Names, Solved
 from savmap.graph.solver.judgement.reference_tests import off_by, solved_references, stated
 from savmap.graph.solver.judgement.soft_references import with_sigmas, without
 from savmap.graph.solver.judgement.unchecked import Unchecked, is_alone, unchecked
-from savmap.graph.solver.judgement.unchecked import notes as unchecked_notes
 from savmap.types import Floats, MapWarning
 from savmap.types.maps import OFF_SIGMAS
 
@@ -123,7 +122,7 @@ def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], est
     """What follows from the sets of references that may be wrong."""
     if explained and not explained[0]:
         return Judgement(
-            problem, (), tuple(_granted(problem, agreed, explained[0])), *_hidden(problem, agreed, explained[0])
+            problem, (), tuple(_granted(problem, agreed, explained[0])), *unchecked(problem, agreed, explained[0])
         )
     clear = len(explained) == 1 and _is_credible(problem, agreed, explained[0])
     wanted = problem.camera.references.on_contradiction
@@ -223,13 +222,7 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
         line = f"{len(warnings)} of {len(agreed.all_names)} contradict the rest: check that they are of this row, and its `side`"
         warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
     warnings += _granted(problem, agreed, out)
-    return Judgement(without(problem, out), tuple(notes), tuple(warnings), *_hidden(problem, agreed, out))
-
-
-def _hidden(problem: Problem, agreed: Agreement, out: Names) -> tuple[tuple[Unchecked, ...], tuple[str, ...]]:
-    """Errors that would stay hidden, and what to tell the user of them."""
-    found = unchecked(problem, agreed, out)
-    return tuple(found), tuple(unchecked_notes(problem, agreed, out, found))
+    return Judgement(without(problem, out), tuple(notes), tuple(warnings), *unchecked(problem, agreed, out))
 
 
 def _is_of_another(relation: Relation, otherwise: float) -> bool:
@@ -250,7 +243,7 @@ def _presumed_less(problem: Problem, agreed: Agreement, out: Names) -> Judgement
     wider = {name: deviations[name] * agreed.given(name).sigma for name in out}
     details = tuple(problem.presumed[name] for name in sorted(out))
     warnings = (MapWarning("doubtful-scale", details=details), *_granted(problem, agreed, frozenset()))
-    return Judgement(with_sigmas(problem, wider), details, warnings, *_hidden(problem, agreed, frozenset()))
+    return Judgement(with_sigmas(problem, wider), details, warnings, *unchecked(problem, agreed, frozenset()))
 
 
 def _uncertain(

@@ -18,7 +18,6 @@ SURELY = 1.0
 """Errors of as many standard deviations as are critical are noticed in half of all cases, with one more in five of six."""
 NAMED, COMPARED = 2, 4
 """Of the references of a note; of those whose value by all others is told."""
-ANY_ERROR = "any error"
 
 
 @dataclass(frozen=True)
@@ -35,31 +34,39 @@ class Unchecked:
     def size(self) -> str:
         """The error, for people."""
         cm = f"{100 * self.error_m:.0f} cm" if self.error_m < 1 else f"{self.error_m:.1f} m"
-        return ANY_ERROR if self.alone else f"an error of {cm}"
+        return "any error" if self.alone else f"an error of {cm}"
 
 
-def unchecked(problem: Problem, agreed: Agreement, out: Names) -> list[Unchecked]:
+def unchecked(problem: Problem, agreed: Agreement, out: Names) -> tuple[tuple[Unchecked, ...], tuple[str, ...]]:
     """Of references that agree without those that are `out`: those that nothing can contradict, for they alone give scale or place, then those that the
-    others check so loosely that an error of many standard deviations would stay hidden, the largest first."""
-    found = list[Unchecked]()
-    for what, names in _errors(problem, agreed, out):
-        error_m, largest = _unnoticed(agreed, names, out), _largest(agreed, names)
+    others check so loosely that an error of many standard deviations would stay hidden, the largest first; and what to tell the user of them.
+
+    What may be wrong is each, and all heights on the structure, measured from a wrong floor or to a wrong edge. A height of 0 is the floor's, by
+    definition."""
+    errors = [(name, frozenset({name})) for name in agreed.all_names if name not in out]
+    levels = (item for item in problem.relations if item.name and item.axis == "y" and item.b is None and item.value)
+    heights = frozenset(item.name for item in levels) - out
+    errors += [("all given heights together", heights)] if len(heights) > 1 else []
+    hidden = list[Unchecked]()
+    for what, names in errors:
+        error_m = _unnoticed(agreed, names, out)
         if is_alone(agreed, names, out):
-            if len(names) == 1 or not any(item.alone for item in found):
-                found.append(Unchecked(what, names, largest, True))
+            if len(names) == 1 or not any(item.alone for item in hidden):
+                hidden.append(Unchecked(what, names, _largest(agreed, names), True))
         elif error_m > UNCHECKED_SIGMA * min(agreed.given(name).sigma for name in names):
-            found.append(Unchecked(what, names, error_m, False))
-    return sorted(found, key=lambda item: (not item.alone, -item.error_m))
+            hidden.append(Unchecked(what, names, error_m, False))
+    hidden.sort(key=lambda item: (not item.alone, -item.error_m))
+    return tuple(hidden), tuple(_notes(problem, agreed, out, hidden))
 
 
-def notes(problem: Problem, agreed: Agreement, out: Names, found: Sequence[Unchecked]) -> Iterator[str]:
-    """What to tell the user of what was `found` to be unchecked: a line for each measurement that would check some of it, the worst first; then what all
+def _notes(problem: Problem, agreed: Agreement, out: Names, hidden: Sequence[Unchecked]) -> Iterator[str]:
+    """What to tell the user of errors that would stay `hidden`: a line for each measurement that would check some of it, the worst first; then what all
     others say of single references."""
     cameras = {item.name for item in problem.camera.references.camera_heights} - out
     relations = {relation.name: relation for relation in problem.relations if relation.name}
     heights = {name for name, relation in relations.items() if relation.b is None and relation.axis == "y"}
     by_remedy: dict[str, list[Unchecked]] = {}
-    for item in found:
+    for item in hidden:
         remedy = "one more length"
         if not any(relation.b is not None for relation in relations.values()):
             remedy = "a length"
@@ -74,7 +81,7 @@ def notes(problem: Problem, agreed: Agreement, out: Names, found: Sequence[Unche
         more = f" and {len(told) - NAMED} more" if len(told) > NAMED else ""
         what = "them" if others or len(first.names) > 1 else "it"
         yield f"not checked by a second reference: {', '.join(told[:NAMED])}{more}. To check {what}: {remedy}"
-    singles = (name for item in found if not item.alone and len(item.names) == 1 for name in item.names)
+    singles = (name for item in hidden if not item.alone and len(item.names) == 1 for name in item.names)
     for name in list(singles)[:COMPARED]:
         value, sigma = agreed.rest(name, out)
         yield f"{stated(agreed.given(name), name not in problem.not_given)}; all others say {value:.3f} m +- {sigma:.3f} m"
@@ -91,9 +98,9 @@ def moves(rows: Sequence[tuple[Problem, Estimate, Sequence[Unchecked]]], whole: 
             gains[name, value] = gains.get((name, value), 0.0) + gain
             values[row][name] = value
     moved = [
-        item.error_m * np.sum([gains[name, own[name]] for name in item.names], axis=0)
-        for own, (_, _, found) in zip(values, rows, strict=True)
-        for item in found
+        item.error_m * np.sum([gains[name, value_of[name]] for name in sorted(item.names)], axis=0)
+        for value_of, (_, _, hidden) in zip(values, rows, strict=True)
+        for item in hidden
     ]
     return np.array(moved).reshape(-1, len(whole.points))
 
@@ -110,13 +117,3 @@ def _largest(agreed: Agreement, names: Names) -> float:
 def _unnoticed(agreed: Agreement, names: Names, out: Names) -> float:
     """The error of references, common to all of them, m, that the rest notices in five of six cases only."""
     return (agreed.critical + SURELY) * agreed.common_error(names, out)
-
-
-def _errors(problem: Problem, agreed: Agreement, out: Names) -> Iterator[tuple[str, Names]]:
-    """What may be wrong of the references that are not `out`: each, and last all heights on the structure, measured from a wrong floor or to a
-    wrong edge. A height of 0 is the floor's, by definition."""
-    yield from ((name, frozenset({name})) for name in agreed.all_names if name not in out)
-    levels = (item for item in problem.relations if item.name and item.axis == "y" and item.b is None and item.value)
-    heights = frozenset(item.name for item in levels) - out
-    if len(heights) > 1:
-        yield "all given heights together", heights
