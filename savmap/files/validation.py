@@ -24,6 +24,7 @@ SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
 SHORT.maxlevel = 2
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
+PLAIN = re.compile(r"\s*[+-]?\d+\s*")
 CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
 SECTION = "a section with keys is expected"
 KINDS = {
@@ -169,7 +170,7 @@ def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
     if isinstance(given, str) and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
         return space_needed(*parts)
     if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
-        if numbers := readings(given.strip()):
+        if not PLAIN.fullmatch(given) and (numbers := readings(given.strip())):
             written = " or ".join(dict.fromkeys(f"{numbers[mark]:.12g}" for mark in (",", ".") if mark in numbers))
             return f"a decimal point is expected: {written}"
         if clock := CLOCK.fullmatch(given):

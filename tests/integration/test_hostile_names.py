@@ -68,8 +68,8 @@ def test_csv_cells_are_neither_formulas_nor_lines(map_file: Path, tmp_path: Path
     assert not acts(text)
     lines = list(csv.reader(text.splitlines()))
     assert len(lines) == 7
-    assert {len(line) for line in lines} == {15}
-    assert lines[0][12:] == ["assumed", "text", "warnings"]
+    assert {len(line) for line in lines} == {16}
+    assert lines[0][12:] == ["unchecked_m", "assumed", "text", "warnings"]
     assert not any(cell.lstrip()[:1] in "=+-@" for line in lines[1:] for cell in (*line[:6], *line[12:]) if cell)
     assert "'" + FORMULA in lines[3]
 

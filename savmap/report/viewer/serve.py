@@ -37,7 +37,7 @@ class ViewServer:
     @property
     def frame_address(self) -> str:
         """The page's address for a frame of another page."""
-        return f"{self.address}?key={self._key}"
+        return f"{self.address}?frame={self._key}"
 
     def run(self) -> None:
         """Serve until the user ends it."""
@@ -90,7 +90,7 @@ class PageHandler(SimpleHTTPRequestHandler):
         """Why who asks has no answer: another host's name, or another site's page."""
         try:
             host = urlsplit(f"//{self.headers.get('Host', '')}").hostname
-            key = parse_qs(urlsplit(self.path).query).get("key", [""])[0]
+            key = parse_qs(urlsplit(self.path).query).get("frame", [""])[0]
         except ValueError:
             return HTTPStatus.BAD_REQUEST
         if host not in (LOOPBACK, "localhost"):

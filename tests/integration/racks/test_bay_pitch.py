@@ -9,6 +9,7 @@ from savmap.graph import References, Solution, camera_priors, merge, solve
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.constraints.constrain import assignments, section_references
 from savmap_shelves.constraints.track_grid import TrackGrid
+from savmap_shelves.settings import ShelvesSettings
 
 
 @pytest.fixture(scope="module")
@@ -67,16 +68,15 @@ def test_a_row_with_a_passage_that_was_seen_in_part() -> None:
     assert ways["bays 2 to 4 of 4"] == {"height": {3: 0.4}}
 
 
-@pytest.mark.parametrize(
-    ("given", "told"),
-    [
-        ({"pitch": (2.7,)}, "pitch gives 1 values, but 2 bays"),
-        ({"height": (0.1, 0.2), "pitch": (2.7, 2.7, 2.7)}, "2 of height and 3 of pitch"),
-    ],
-)
-def test_lists_that_do_not_fit_are_refused(given: dict[str, tuple[float, ...]], told: str) -> None:
-    with pytest.raises(SiteError, match=told):
-        assignments(given, (1, 2), "A")
+def test_a_list_with_fewer_values_than_bays_is_refused() -> None:
+    with pytest.raises(SiteError, match="pitch gives 1 values, but 2 bays"):
+        assignments({"pitch": (2.7,)}, (1, 2), "A")
+
+
+def test_lists_of_different_lengths_are_refused() -> None:
+    given = {"lowest_beam_bottom_height_m": {"values": [0.1, 0.2]}, "bay_pitch_m": {"value": [2.7, 2.7, 2.7]}}
+    with pytest.raises(ValueError, match="have one value a bay, not 2 and 3"):
+        ShelvesSettings.model_validate(given)
 
 
 def test_a_list_that_is_too_short_for_a_row_with_a_passage_is_told_of_null() -> None:
