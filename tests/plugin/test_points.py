@@ -207,6 +207,10 @@ def mask_of(rows: slice, columns: slice) -> Any:
 def test_ends_and_borders_of_masks() -> None:
     mask = mask_of(slice(100, 301), slice(200, 221))
     np.testing.assert_allclose(upright_ends(mask), [[210, 300.5], [210, 99.5]])
+    mask[99, 218:221] = mask[301, 200:202] = True
+    np.testing.assert_allclose(upright_ends(mask), [[210, 301.5], [210, 98.5]])
+    mask[99, 218:221] = mask[301, 200:202] = False
+    np.testing.assert_allclose(upright_ends(mask_of(slice(100, 101), slice(200, 221))), [[210, 100.5], [210, 99.5]])
     assert not touches_border(mask)
     assert touches_border(mask_of(slice(1, 301), slice(200, 221)))
 

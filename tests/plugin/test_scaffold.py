@@ -9,6 +9,7 @@ from pathlib import Path
 
 import onnx
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
@@ -156,6 +157,16 @@ def test_it_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 def test_what_a_single_object_is_called() -> None:
     names = {"pillars": "pillar", "glass": "glass", "bus": "bus", "lamp_posts": "lamp_post", "x": "x"}
     assert {name: thing_of(name) for name in names} == names
+
+
+def test_its_scene_is_mapped_with_the_plugins_that_its_page_names(tmp_path: Path) -> None:
+    """The scene has lamps: a light that nobody asked for was mapped, and the row had to be checked for it."""
+    list(new_plugin("bollards", tmp_path / "new"))
+    scene = yaml.safe_load((tmp_path / "new" / "scene.yaml").read_text(encoding="utf-8"))
+    assert f"names the plugins: {','.join(scene['mapped'])}" in (tmp_path / "new" / "README.md").read_text(
+        encoding="utf-8"
+    )
+    assert set(scene["mapped"]) < set(scene["structures"])
 
 
 def test_the_template_is_packaged() -> None:

@@ -172,7 +172,7 @@ def site_of(built: Built, facts: Mapping[str, Any], passes: Sequence[TruePass] =
     Along a path the rows have the time ranges of `passes`, and those that it never passes are left out."""
     scene, said = built.scene, [part.site_rows for part in built.parts.values()]
     return {
-        "plugins": {name: {} for name in scene.structures},
+        "plugins": {name: {} for name in scene.mapped or scene.structures},
         "survey": "survey.json",
         "references": {"camera_height_m": facts["camera_height_m"], "travel_m": facts["camera_travel_m"]["value"]},
         "rows": {

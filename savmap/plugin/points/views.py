@@ -14,6 +14,7 @@ from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, 
 
 Mask = NDArray[np.bool_]
 BORDER_PX = 2
+BORDER_ROWS = 3
 COUNT_HFOV_DEG = 110.0
 
 
@@ -104,10 +105,11 @@ def touches_border(mask: Mask) -> bool:
 
 def upright_ends(mask: Mask) -> tuple[Floats, Floats]:
     """Where the lower and the upper border of a mask (h, w) are in the middle of its width there: pixels (2,) each, x
-    then y."""
+    then y. Of a border that is aslant by a pixel the last row shows a corner only."""
     rows = np.flatnonzero(mask.any(axis=1))
     low, high = int(rows[-1]), int(rows[0])
-    foot, top = (float(np.flatnonzero(mask[row]).mean()) for row in (low, high))
+    borders = mask[max(low + 1 - BORDER_ROWS, high) : low + 1], mask[high : high + BORDER_ROWS]
+    foot, top = (float(np.flatnonzero(border.any(axis=0)).mean()) for border in borders)
     return np.array([foot, low + 0.5]), np.array([top, high - 0.5])
 
 

@@ -147,3 +147,13 @@ def test_a_row_of_which_nothing_is_known_beforehand_is_in_the_site_file() -> Non
     known = references(built, drive(built.scene.cart, built.scene.seed))
     assert "row_A" not in known
     assert list(site_of(built, known)["rows"]) == ["A"]
+
+
+def test_the_site_file_names_the_plugins_that_are_to_map() -> None:
+    content = {"structures": {"posts": {}, "lamps": {}}, "mapped": ["posts"]}
+    for scene, named in ((content, ["posts"]), ({**content, "mapped": []}, ["posts", "lamps"])):
+        built = build(
+            Scene.model_validate(scene),
+            {"posts": lambda *_: SceneParts([], {}), "lamps": lambda *_: SceneParts([], {})},
+        )
+        assert list(site_of(built, references(built, drive(built.scene.cart, 0)))["plugins"]) == named

@@ -82,6 +82,7 @@ class Scene(Strict):
     cart: Cart = Cart()
     rows: dict[str, RowPlace] = Field(default_factory=lambda: {"A": RowPlace()})
     structures: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    mapped: tuple[str, ...] = ()
 
 
 def row_frame(place: RowPlace) -> RowFrame:
