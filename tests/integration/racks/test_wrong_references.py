@@ -121,6 +121,7 @@ def test_what_is_presumed_refuses_no_row(four: made.World, above: tuple[float, .
     [warning] = solution.warnings
     worst = max(above, key=abs)
     assert (warning.code, warning.subjects) == ("doubtful-scale", ())
+    assert [use.name for use in solution.references if "floor" in use.name] == []
     assert f"what was found instead is at {worst:.2f} m" in made.said(warning)
     assert largest_error(four, solution) < 0.02
 

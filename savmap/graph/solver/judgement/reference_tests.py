@@ -87,15 +87,16 @@ def solved_references(problem: Problem, estimate: Estimate) -> Iterator[SolvedRe
 
 
 def reference_uses(given: Problem, used: Problem, estimate: Estimate) -> Iterator[ReferenceUse]:
-    """Every reference as it was given, with how it was used, and its value in the solution of the `used` problem: of a camera height that was left out,
-    the camera's mean height."""
+    """Every reference as it was given, or seen, with how it was used, and its value in the solution of the `used`
+    problem: of a camera height that was left out, the camera's mean height. What is presumed is none."""
     uses: dict[str, list[ReferenceUse]] = {}
     for solved in solved_references(used, estimate):
         uses.setdefault(solved.use.name, []).append(solved.use)
     heights = () if given.camera.fixed is not None else given.camera.references.camera_heights
     mean_height = float(estimate.poses[:, 1, 3].mean())
     every = [ReferenceUse(item.name, item.value_m, item.sigma_m, mean_height) for item in heights]
-    every += [_solved(used, relation, estimate).use for relation in given.relations if relation.name]
+    relations = (relation for relation in given.relations if relation.name and not relation.presumed)
+    every += [_solved(used, relation, estimate).use for relation in relations]
     for given_use in every:
         of_name = uses.get(given_use.name)
         use = of_name.pop(0) if of_name else None
