@@ -57,7 +57,8 @@ class Plugin(Protocol):
     - `needs_path: bool`: whether the plugin cannot locate the camera. It is then asked to track only where the path is
       known (`start` is never None), and a row that has no other plugin for that ends with an error that says so.
     - `in_every_frame: bool`: whether each frame before a row should show something that it maps, as `count_view_plan`
-      plans. Where many do not, the verdict warns that a part may be missing.
+      plans. Where nothing is mapped in many that glare or show something, the verdict warns of it;
+      one that is dark shows that there is none.
     - `after_pixels: tuple[str, ...]`: settings that `render_views`, `detect` and `extract_features` do not use: if one
       changes, the row is only solved again.
     - `scale_settings: tuple[str, ...]`: settings that may give the map's scale; not declared: any may.

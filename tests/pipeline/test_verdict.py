@@ -285,6 +285,7 @@ LIT, GLARING, WHITE, DARK = (0.0, 0.0), (0.0, 0.1), (0.0, 0.95), (0.92, 0.0)
         (True, MOST, MOST, GLARING, 0),  # all found, however bright it is
         (True, FEW, FEW, LIT, 0),  # nothing else shows in the others
         (True, FEW, FEW, GLARING, 9),
+        (True, FEW, FEW, DARK, 0),  # what shines would show
         (False, FEW, FEW, GLARING, 0),
         (False, FEW, FEW, WHITE, 9),
         (False, FEW, FEW, DARK, 9),

@@ -177,8 +177,11 @@ def _unmapped(row: DescribedRow, plugin: LoadedPlugin) -> Iterator[MapWarning]:
     before = {
         frame: row.measurements.tones[frame][name] for frame in frames if first <= places.get(frame, first) <= last
     }
-    glare = GLARE if plugin.in_every_frame else 1.0
-    unseen = {frame for frame, (dark, white) in before.items() if dark + white > 1 - LEGIBLE or white > glare}
+    unseen = {
+        frame
+        for frame, (dark, white) in before.items()
+        if (white > GLARE if plugin.in_every_frame else dark + white > 1 - LEGIBLE)
+    }
     measured = {feature.frame for feature in row.measurements.features.get(name, ())} & before.keys()
     shown = unseen | measured if plugin.in_every_frame or not structures else unseen
     tracks = row.tracks.get(name, ()) if structures else ()
