@@ -115,27 +115,30 @@ def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem
     and points (m, 3) as the start has them. It is itself where nothing is open."""
     similarity = fit(problem, cameras, points)
     if not _scale_sigma(similarity) < SCALE_LIMIT:
-        problem = _with_assumed(problem, _longest_span(problem, points), "scale")
+        problem = _with_assumed(problem, extent(problem, cameras, points, ASSUMED_PART, "assumed scale"), "scale")
         similarity = fit(problem, cameras, points)
     for axis, column, sigma in zip(AXES, range(3), similarity.sigma_at(points.mean(axis=0)), strict=True):
         if sigma > PLACE_LIMIT_M:
             first = Relation(axis, int(problem.keys[0]), None, float(points[0, column]), ASSUMED_M, f"assumed {axis}")
-            problem = _with_assumed(problem, first, f"place along {axis}")
+            problem = _with_assumed(problem, (first,), f"place along {axis}")
     return problem
 
 
-def _with_assumed(problem: Problem, relation: Relation, what: str) -> Problem:
-    return replace(problem, relations=(*problem.relations, relation), assumed=(*problem.assumed, what))
+def _with_assumed(problem: Problem, relations: tuple[Relation, ...], what: str) -> Problem:
+    return replace(problem, relations=(*problem.relations, *relations), assumed=(*problem.assumed, what))
 
 
-def _longest_span(problem: Problem, points: Floats) -> Relation:
-    """The distance between two landmarks that are far apart, as it is in the scene."""
-    a = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
-    distances = np.linalg.norm(points - points[a], axis=1)
-    b = int(np.argmax(distances))
-    value = float(distances[b])
+def extent(problem: Problem, cameras: Floats, points: Floats, part: float, name: str = "") -> tuple[Relation, ...]:
+    """The extent of a scene, points (m, 3), along the way of the cameras (f, 3), known to a `part` of it: between the
+    farthest of what was measured often. Across the way lie the ends of lines, which may be anywhere along them. Nothing
+    of a scene without extent."""
+    counts = np.bincount(problem.at_key, minlength=len(points))
+    often = np.flatnonzero(counts >= np.median(counts))
+    column = int(np.argmax(np.ptp(cameras, axis=0)))
+    first, last = (int(often[end(points[often, column])]) for end in (np.argmin, np.argmax))
+    value = float(points[last, column] - points[first, column])
     keys = problem.keys.tolist()
-    return Relation(None, keys[a], keys[b], value, ASSUMED_PART * value, "assumed scale")
+    return (Relation(AXES[column], keys[first], keys[last], value, part * value, name),) if value else ()
 
 
 def _equations(problem: Problem, cameras: Floats, points: Floats) -> Iterator[Floats]:

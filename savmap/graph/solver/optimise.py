@@ -205,7 +205,7 @@ def _tested(begin: Start, options: SolveOptions) -> tuple[Judgement, Estimate, I
         return roughly
     options = replace(options, rounds=min(options.rounds, SOFT_ROUNDS))
     begun = moved(soft, estimate, similarity)
-    soft = holding_scale(soft, begun.points)
+    soft = holding_scale(soft, begun.poses[:, :3, 3], begun.points)
     *_, last = _rounds(soft, begun, options)
     covariances = (_covariance(iterate, None, tested_keys(soft)) for iterate in (last, last.scattered))
     judgement = judgement_of(soft, given, last.estimate, covariances)

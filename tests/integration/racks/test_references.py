@@ -9,6 +9,7 @@ import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import CameraHeight, KnownLength, References, SolveOptions, SurveyedPoint, camera_priors, merge
+from savmap.graph.initial.observability import assume_missing
 from savmap.graph.solver.solution import scale_sigma
 from savmap.types import Floats, Trajectory
 from savmap_shelves.constraints import GridSettings, constrain
@@ -49,6 +50,18 @@ def test_an_edge_that_was_seen_at_no_one_place_refutes_nothing(small: made.World
     (use,) = (use for use in solution.references if use.name == "height of the lowest edge of bay 2")
     assert use.state == "used"
     assert any("height of the lowest edge of bay 2" in line for line in solution.unchecked)
+
+
+def test_an_assumed_scale_rests_on_no_end_that_was_not_seen(small: made.World) -> None:
+    """A post's upper end, which may be anywhere, was taken for one end of the scene: this then shrank to a tenth."""
+    own = constrain(small.tracks, small.facts, made.begin(small), settings=GridSettings())
+    problem = merge(camera_priors(small.facts, made.begin(small)), own, partial=True)
+    points = np.array([own.initial[name] for name, _ in sorted(own.keys.items(), key=lambda item: item[1])])
+    points[points[:, 1].argmax(), 1] += 50.0
+    relations = assume_missing(problem, made.begin(small).world_from_rig[:, :3, 3], points).relations
+    (assumed,) = (relation for relation in relations if relation.name == "assumed scale")
+    assert assumed.axis == "x"
+    assert 0.2 < assumed.value / np.ptp(points[:, 0]) <= 1.0
 
 
 def test_heights_that_differ_by_little_give_no_scale() -> None:

@@ -145,7 +145,7 @@ def test_outliers_do_not_shrink_a_scene_with_soft_references() -> None:
     own = constrain([*wrong, *feet], world.facts, made.begin(world), settings=GridSettings())
     problem = merge(camera_priors(world.facts, made.begin(world), made.references(world, length=False)), own)
     [start] = starts(problem, "linear")
-    soft = holding_scale(softened(problem, {}), start.estimate.points)
+    soft = holding_scale(softened(problem, {}), start.estimate.poses[:, :3, 3], start.estimate.points)
     solved = refined(
         soft, start.estimate, SolveOptions(rounds=SOFT_ROUNDS), np.zeros(len(soft.measurements.biases.prior))
     )

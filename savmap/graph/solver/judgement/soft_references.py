@@ -3,11 +3,9 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-import numpy as np
-
-from savmap.graph.constraints import Relation
+from savmap.graph.initial.observability import extent
 from savmap.graph.problem import Problem
-from savmap.types import Axis, Floats
+from savmap.types import Floats
 
 SOFT_M, SOFT_PART = 0.1, 0.02
 """Far more than pictures leave open of a row's shape, and little enough to keep its scale and place near what is given."""
@@ -16,24 +14,16 @@ HELD_PART = 1e-3
 """How firmly a scene with soft references keeps its scale: no error of what is known in metres bends it by as much."""
 
 
-def holding_scale(problem: Problem, points: Floats) -> Problem:
-    """The problem with the extent of a scene, points (m, 3), held: along its longest side, between the farthest of what
-    was measured often.
+def holding_scale(problem: Problem, cameras: Floats, points: Floats) -> Problem:
+    """The problem with the extent of a scene, cameras (f, 3) and points (m, 3), held.
 
     Soft references hold the scale so loosely that outliers shrink the scene: what is straight to a millimetre hinders
     them less, the smaller it is. Of how references agree a scale that is held says nothing. Where the camera's path is
     given, the scene has its scale.
     """
-    counts = np.bincount(problem.at_key, minlength=len(points))
-    often = np.flatnonzero(counts >= np.median(counts))
-    extents = np.ptp(points[often], axis=0)
-    if problem.camera.fixed is not None or not extents.any():
+    if problem.camera.fixed is not None:
         return problem
-    column = int(np.argmax(extents))
-    first, last = (int(problem.keys[often[end(points[often, column])]]) for end in (np.argmin, np.argmax))
-    axes: tuple[Axis, ...] = ("x", "y", "z")
-    held = Relation(axes[column], first, last, float(extents[column]), HELD_PART * float(extents[column]))
-    return replace(problem, relations=(*problem.relations, held))
+    return replace(problem, relations=(*problem.relations, *extent(problem, cameras, points, HELD_PART)))
 
 
 def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
