@@ -164,13 +164,14 @@ def solve(
 def swapped_sides(
     located: Sequence[LocatedRow | SavmapError], solved: Sequence[SolvedRow | SavmapError]
 ) -> dict[int, SavmapError]:
-    """An error for two rows of a drive, by their numbers, of which one does not fit its references, where those of
-    either fit the other."""
+    """An error for two rows of a drive, by their numbers, of which one does not fit its references, not even alone,
+    where those of either fit the other."""
     errors = dict[int, SavmapError]()
     for (a, row), (b, other) in combinations(enumerate(located), 2):
         if isinstance(row, SavmapError) or isinstance(other, SavmapError) or not {*row.moments} & {*other.moments}:
             continue
-        if (_is_refuted(solved[a]) or _is_refuted(solved[b])) and _fits(row, other) and _fits(other, row):
+        refuted = _is_refuted(solved[a]) or _is_refuted(solved[b])
+        if refuted and not (_fits(row, row) and _fits(other, other)) and _fits(row, other) and _fits(other, row):
             rows = f"rows {row.request.name} and {other.request.name}"
             errors[a] = errors[b] = SiteError(f"{rows}: the references of each fit the other: swap their `side`")
     return errors
