@@ -20,17 +20,22 @@ def rig_from_view(yaw_deg: float, pitch_deg: float, roll_deg: float) -> Floats:
 
 
 def angles_from_rotation(rotation: Floats) -> tuple[float, float, float]:
-    """Yaw, pitch and roll in degrees: the inverse of `rig_from_view`. At pitch +-90 the roll is 0, and the yaw includes
-    it."""
+    """Yaw, pitch and roll in degrees, to a billionth, so that processors agree on a view's pixels: the inverse of
+    `rig_from_view`. At pitch +-90 the roll is 0, and the yaw includes it."""
     forward = rotation[:, 2]
     pitch = np.arcsin(np.clip(-forward[1], -1, 1))
     if np.hypot(forward[0], forward[2]) < 1e-9:
         right = rotation[:, 0]
-        return float(np.degrees(np.arctan2(-right[2], right[0]))), float(np.degrees(pitch)), 0.0
+        return _rounded(np.arctan2(-right[2], right[0]), pitch, 0.0)
     yaw = np.arctan2(forward[0], forward[2])
     level = rig_from_view(float(np.degrees(yaw)), float(np.degrees(pitch)), 0.0)
     about_z = level.T @ rotation
-    return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(np.arctan2(about_z[1, 0], about_z[0, 0])))
+    return _rounded(yaw, pitch, np.arctan2(about_z[1, 0], about_z[0, 0]))
+
+
+def _rounded(*angles_rad: float) -> tuple[float, float, float]:
+    yaw, pitch, roll = np.degrees(angles_rad).round(9).tolist()
+    return yaw, pitch, roll
 
 
 def focal_px(hfov_deg: float, width: int) -> float:

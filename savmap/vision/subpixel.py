@@ -190,10 +190,11 @@ def _window(panorama: Panorama, patches: Sequence[_Patches]) -> _Window:
 
 def _across(window: _Window, patches: _Patches) -> Singles:
     """Mean radiance (n, k), 0..1, along the rows of each patch, by linear interpolation."""
-    x, y = patches.nodes @ patches.basis
-    np.clip(y, 0, window.last_row, out=y)
-    x -= window.left
-    y -= window.top
+    middles = patches.nodes[:, :, 4:5]
+    x, y = (patches.nodes - middles) @ patches.basis  # small numbers, so that all processors sample the same places
+    x += middles[0] - np.float32(window.left)
+    y += middles[1] - np.float32(window.top)
+    np.clip(y, -window.top, window.last_row - window.top, out=y)
     sampled = np.asarray(cv2.remap(window.radiance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.uint16)
     total = sampled.reshape(len(sampled), patches.rows, -1).sum(axis=1, dtype=np.float32)
     return np.asarray(total / np.float32(patches.rows * RADIANCE_UNIT), np.float32)
