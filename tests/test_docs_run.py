@@ -48,13 +48,15 @@ FIGURE = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?![\w.]*\w)")
 MACHINES = re.compile(r"\b\d+(?:\.\d+)? (?:ms|s|min|h|MB)\b")
 
 FIRST, OWN, USE = "docs/tutorial/first-map.md", "docs/tutorial/own-aisle.md", "docs/tutorial/use-a-map.md"
-PLUGIN, SIGNS = "docs/writing-plugins.md", "docs/signs.md"
+PLUGIN, SIGNS, API = "docs/writing-plugins.md", "docs/signs.md", "docs/python-api.md"
+INSPECTION, BACK = "docs/inspection.md", "docs/howto/coming-back.md"
 ALONE = (FIRST, OWN, PLUGIN)
 """Pages that begin with nothing but savmap's folder. To all others a reader comes with the files of `FIRST` and `OWN`, and what is lent."""
+AFTER = {SIGNS: USE, API: USE, BACK: "README.md"}
+"""Pages to which a reader comes with the files of another one, too."""
 INSTEAD: Mapping[str, Mapping[str, str]] = {
     FIRST: {"python3 -m venv .venv && .venv/bin/pip install -e . && ": ""},
     "README.md": {
-        "--camera-height 3.05 --side left": "--camera-height 3.055 -o first",  # the tutorial's, which is kept
         "savmap init aisle.mp4": "savmap init aisle.mp4 --force && cp filled-in.yaml site.yaml",
         "A21-03": "'bay 2'",  # no sign hangs in the demo's aisle
     },
@@ -73,7 +75,7 @@ INSTEAD: Mapping[str, Mapping[str, str]] = {
         "in my_camera": "in ((one.stamp_s, one.image) for one in frames_of('part.mp4'))",
     },
     "docs/long-runs.md": {"savmap map site.yaml": "savmap map part.yaml"},
-    "docs/python-api.md": {'"points.csv"': '"world.csv"'},
+    API: {'"points.csv"': '"world.csv"', 'find(site_map, "A21-03")': 'find("out/signs", "A21-03")'},
     "docs/site-file.md": {
         "savmap init aisle1.mp4 aisle2.mp4": "savmap init aisle1.mp4 aisle2.mp4 --force && cp part.yaml site.yaml",
         "rows.A.fps=5 ": "rows.A.fps=3 ",  # the demo has six frames a second
@@ -82,7 +84,7 @@ INSTEAD: Mapping[str, Mapping[str, str]] = {
     "docs/training.md": {"--count 100": "--count 4"},
 }
 """What is put in the place of what, of a page: what the demo does not have, and what takes long."""
-SAVED = {OWN: "site.yaml", "docs/howto/robots.md": "align.yaml", "docs/inspection.md": "limits.yaml"}
+SAVED = {OWN: "site.yaml", "docs/howto/robots.md": "align.yaml"}
 """As what a reader saves the first YAML of a page."""
 NOT_RUN = {
     r"^README.md: python3 .* demo$": f"{FIRST} begins with it",
@@ -110,19 +112,26 @@ NEEDS = {r"rack\.dxf|as-ordered\.dxf": "cad", r"hall\.ifc": "bim", r"signs": "si
 """Extras that a command needs: it is not run where they are not installed."""
 EXITS = {
     r"savmap map aisle.mp4 --plugins shelves,lights": 12,
-    r"savmap map signs-row": 12,  # with few frames, an end of a lamp is not known
+    r"savmap map signs-row/site.yaml": 12,  # with few frames, an end of a lamp is not known
+    r"savmap live ": 12,  # as the first map of a row whose floor is plain grey
 }
 """Other exit codes than 0, by the beginning of a command."""
 TIMELY = re.compile(r"rows mapped: |row .*: measuring|measuring |rendering panoramas: |choosing views")
 """Lines that are printed by how long something takes."""
 LEFT = re.compile(r"(?<![\w/.:-])[\w/-]+\.(?:html|csv|json|png|yaml)\b")
 """A file that a command's comment speaks of."""
-MONTHLY = """plugins: {shelves: {}, lights: {}}
-rows: {A: {passes: [{video: tuesday.mp4, side: left}]}}
+VIEWS = """views:
+  face: {yaw_deg: -78.2, pitch_deg: 1.8, roll_deg: -0.4, hfov_deg: 149.1}
+  ceiling: {yaw_deg: 157.0, pitch_deg: 89.5, roll_deg: -124.8, hfov_deg: 70.0}
 """
-PART = """plugins: {shelves: {}}
-references: {camera_height_m: {value: 3.055, sigma: 0.02}}
-rows: {A: {passes: [{video: part.mp4, side: left}], plugins: {shelves: {lowest_beam_bottom_height_m: 0.303}}}}
+"""Where savmap looks in the demo's footage: given, it is not sought again, which takes as long as measuring 30 frames."""
+MONTHLY = f"""{VIEWS}plugins: {{shelves: {{}}, lights: {{}}}}
+rows: {{A: {{passes: [{{video: again.mp4, side: left}}], fps: 3}}}}
+"""
+PART = f"""{VIEWS}plugins: {{shelves: {{}}}}
+references: {{camera_height_m: {{value: 3.055, sigma: 0.02}}}}
+rows: {{A: {{passes: [{{video: part.mp4, side: left}}], plugins: {{shelves: {{lowest_beam_bottom_height_m: 0.303}}}}}}}}
+align: {{x_m: 12.40, y_m: 3.05, heading_deg: 3.8, sigma_m: 0.05, sigma_deg: 0.5}}
 """
 ALIGN = """points:
   - {row: A, at: upright 1 / left / bottom, world_m: [12.40, 3.05], sigma_m: 0.03}
@@ -135,7 +144,7 @@ from savmap.video.reader import panoramas as frames_of_clip
 savmap.map_video = lambda video, plugins=(), **how: savmap.load_map("first")  # pages call these ten times
 savmap.map_site = lambda site, plugins=(), **how: savmap.load_map("out")
 site_map = Path("out/map.json").exists() and savmap.load_map("out")
-frames_of = lambda video: frames_of_clip(Clip(video, fps=15))
+frames_of = lambda video: frames_of_clip(Clip(Path(video), fps=15))
 """
 
 
@@ -182,6 +191,7 @@ def why_not(page: str, step: Step) -> str | None:
     """Why a step is not run."""
     reasons = [why for what, why in NOT_RUN.items() if re.search(what, f"{page}: {step.text.splitlines()[0]}")]
     reasons += [f"needs {one}" for what, one in NEEDS.items() if re.search(what, step.text) and not installed(one)]
+    reasons += ["needs jq"] if step.text.startswith("jq ") and not shutil.which("jq") else []
     return reasons[0] if reasons else None
 
 
@@ -305,8 +315,8 @@ class Library:
         self.folder, self.pool = folder, ThreadPoolExecutor(2)
         self.readers: dict[str, Future[Reader]] = {}
         first = [page for page in (FIRST, OWN) if page in pages or set(pages) - {*ALONE}]
-        first += [USE] if SIGNS in pages else []
-        for page in [*first, *(page for page in pages if page not in first)]:
+        first += [before for page, before in AFTER.items() if page in pages]
+        for page in dict.fromkeys([*first, *pages]):
             if page not in ALONE and not hasattr(self, "lent"):
                 self.lent = self.pool.submit(self.lend)
             self.readers[page] = self.pool.submit(self.read, page)
@@ -314,8 +324,8 @@ class Library:
     def read(self, page: str) -> Reader:
         """What became of a page, in a copy of the folder with which it begins."""
         home = self.folder / page.replace("/", "-").removesuffix(".md")
-        if page == SIGNS:
-            shutil.copytree(self.readers[USE].result().home, home, symlinks=True)
+        if page in AFTER:
+            shutil.copytree(self.readers[AFTER[page]].result().home, home, symlinks=True)
         elif page not in ALONE:
             shutil.copytree(self.lent.result(), home, symlinks=True)
         else:
@@ -338,7 +348,7 @@ class Library:
             shutil.copytree(own / "out", home / folder)
         for name in ("recording.mp4", "aisle1.mp4", "aisle2.mp4"):
             os.link(home / "aisle.mp4", home / name)
-        for name, seconds in {"again.mp4": 9.0, "tuesday.mp4": 9.0, "part.mp4": 6.0}.items():
+        for name, seconds in {"again.mp4": 9.0, "part.mp4": 6.0}.items():
             first_seconds(home / "aisle.mp4", home / name, seconds)
         (home / "pictures").mkdir()
         for panorama in islice(panoramas(Clip(home / "aisle.mp4", fps=15)), 36):
@@ -352,6 +362,7 @@ class Library:
             "monthly": MONTHLY,
             "align": ALIGN,
             "few-frames": few,
+            "limits": next(step.text for step in steps_of(INSPECTION) if step.kind == "file"),
         }.items():
             (home / f"{name}.yaml").write_text(text, encoding="utf-8")
         surveyed(home)
