@@ -96,7 +96,8 @@ def job_for(
     against_row: str | None = None,
 ) -> Job:
     """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder
-    of pictures); `overrides` are set in either. `against`: a map, or its folder, that the run updates.
+    of pictures); `overrides` are set in either. Maps, or their folders: `earlier`, whose camera path is taken as known;
+    `against`, which the run updates.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
@@ -115,7 +116,7 @@ def job_for(
     site = site_of(draft)
     names, note = chosen_plugins(site, plugins)
     notes = (*notes_on(draft), *([note] if note else []))
-    mapped = None if against is None else map_in(against)
+    earlier, mapped = earlier and map_in(earlier), against and map_in(against)
     return Job(site, source, names, output, earlier, draft.places, notes, mapped, against_row)
 
 

@@ -72,6 +72,11 @@ def test_options_that_do_not_go_together_are_refused(earlier: Path) -> None:
         job_for(VIDEO, ["lights"], Path("out"), against_row="A")
 
 
+def test_a_known_path_is_that_of_a_map_or_its_folder(earlier: Path) -> None:
+    for given in (earlier, earlier / "map.json"):
+        assert job_for(VIDEO, ["lights"], Path("out"), earlier=given).earlier == earlier / "map.json"
+
+
 def test_a_solution_depends_on_the_map_and_a_measurement_does_not(earlier: Path) -> None:
     measured = {"1": cache_keys.measurement_key(job(earlier), "1")}
     assert cache_keys.measurement_key(job(earlier, row="A"), "1") == measured["1"]

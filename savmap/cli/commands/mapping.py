@@ -21,7 +21,7 @@ def map_(
     output: Output = Path("out"),
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
-    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    trajectory: Annotated[Path | None, typer.Option(help="A map, or its folder, whose camera path is known.")] = None,
     against: Annotated[
         Path | None,
         typer.Option(help="A map of the same place, or its folder: this pass is recognised in it and updates it."),
@@ -80,7 +80,7 @@ def check(
     source: Annotated[Path, typer.Argument(metavar="SITE", help="A site file.")] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
-    trajectory: Annotated[Path | None, typer.Option(help="A map whose camera path is taken as known.")] = None,
+    trajectory: Annotated[Path | None, typer.Option(help="A map, or its folder, whose camera path is known.")] = None,
     pictures: Annotated[bool, typer.Option(help="Write a picture of the chosen views of each pass.")] = True,
     sets: Sets = None,
 ) -> None:
