@@ -22,7 +22,6 @@ settings.load_profile("savmap")
 
 LONGEST = (
     "test_docs_run.py",
-    "test_demo.py",
     "test_dask_executor.py",
     "test_resume.py",
     "test_isolation.py",

@@ -111,9 +111,9 @@ NOT_PRINTED = {
 NEEDS = {r"rack\.dxf|as-ordered\.dxf": "cad", r"hall\.ifc": "bim", r"signs": "signs"}
 """Extras that a command needs: it is not run where they are not installed."""
 EXITS = {
-    r"savmap map aisle.mp4 --plugins shelves,lights": 12,
-    r"savmap map signs-row/site.yaml": 12,  # with few frames, an end of a lamp is not known
-    r"savmap live ": 12,  # as the first map of a row whose floor is plain grey
+    "savmap map aisle.mp4 --plugins shelves,lights": (12,),
+    "savmap map signs-row": (0, 12),  # of few frames: whether the end of a lamp is known differs between processors
+    "savmap live ": (12,),  # as the first map of a row whose floor is plain grey
 }
 """Other exit codes than 0, by the beginning of a command."""
 TIMELY = re.compile(r"rows mapped: |row .*: measuring|measuring |rendering panoramas: |choosing views")
@@ -219,12 +219,12 @@ def agrees(said: str, printed: str) -> bool:
 
 
 def close(said: "re.Match[str]", printed: str) -> bool:
-    """Whether a figure is as it was said to be; a standard deviation in whole units may be one off."""
+    """Whether a figure is as it was said to be; whole millimetres and centimetres may be one off."""
     value, decimals = float(said[0]), len(said[0].partition(".")[2])
     if decimals:
         return abs(float(printed) - value) <= max(5.001 * 10**-decimals, 0.1 * abs(value))
-    sigma = re.search(r"(?:\+-|±) (?:\d+, )*$", said.string[: said.start()])
-    return abs(float(printed) - value) <= (max(1.0, value / 5) if sigma else abs(value) / 50)
+    length = re.match(r"(?:, [\d.]+)* [cm]m\b", said.string[said.end() :])
+    return abs(float(printed) - value) <= (max(1.0, value / 5) if length else abs(value) / 50)
 
 
 def files_of(command: str) -> list[str]:
@@ -267,8 +267,8 @@ class Reader:
         )
         self.took.append(f"{time.monotonic() - begin:6.1f} s  {step.text}\n{textwrap.indent(done.stdout, ' ' * 10)}")
         printed = [line for line in done.stdout.splitlines() if not TIMELY.match(line)]
-        expected = next((code for what, code in EXITS.items() if step.text.startswith(what)), 0)
-        if done.returncode != expected:
+        expected = next((codes for what, codes in EXITS.items() if step.text.startswith(what)), (0,))
+        if done.returncode not in expected:
             self.faults.append(f"{step.text}\nends with exit code {done.returncode}, not {expected}:\n{done.stdout}")
         elif step.said and (missing := differences(step.said, printed)):
             self.faults.append(f"{step.text}\ndoes not print:\n{missing}\nbut:\n{done.stdout}")
@@ -298,10 +298,12 @@ class Reader:
     def surroundings(self) -> dict[str, str]:
         """The environment of a user whose home this is, with what stands beside this Python first on the path."""
         path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-        return os.environ | {
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        return kept | {
             "PATH": path,
             "HOME": str(self.home),
             "PYTHONPATH": str(self.home / ".installed"),
+            "PYTHONPYCACHEPREFIX": str(self.home.parent / "pycache"),  # compiled once, and nothing beside the sources
             "PYTHONUNBUFFERED": "1",
             "BROWSER": "true",
             "COLUMNS": "200",
@@ -346,12 +348,12 @@ class Library:
         shutil.copytree(self.readers[FIRST].result().home / "out" / "demo", home / "out" / "demo")
         for folder in ("spring", "autumn", "out/spring", "out/autumn"):
             shutil.copytree(own / "out", home / folder)
-        for name in ("recording.mp4", "aisle1.mp4", "aisle2.mp4"):
+        for name in ("aisle1.mp4", "aisle2.mp4"):
             os.link(home / "aisle.mp4", home / name)
-        for name, seconds in {"again.mp4": 9.0, "part.mp4": 6.0}.items():
+        for name, seconds in {"again.mp4": 9.0, "recording.mp4": 9.0, "part.mp4": 6.0}.items():
             first_seconds(home / "aisle.mp4", home / name, seconds)
         (home / "pictures").mkdir()
-        for panorama in islice(panoramas(Clip(home / "aisle.mp4", fps=15)), 36):
+        for panorama in islice(panoramas(Clip(home / "aisle.mp4", fps=15)), 24):
             Image.fromarray(panorama.image).save(home / "pictures" / f"{panorama.frame:04d}.jpg", quality=95)
         signs = (ROOT / "examples" / "scenes" / "signs-row.yaml").read_text(encoding="utf-8")
         few = signs.replace("frames: 36, width: 3072", "frames: 14, width: 2048")
@@ -427,7 +429,7 @@ def library(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return Library(tmp_path_factory.mktemp("pages"), asked)
 
 
-@pytest.mark.pages
+@pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
 def test_page_is_true(page: str, library: Library) -> None:
     reader = library.readers[page].result()
@@ -455,7 +457,7 @@ SENTENCES = {
 """Figures of sentences and tables, which agree to one unit of their last digit or a tenth, and what they are of."""
 
 
-@pytest.mark.pages
+@pytest.mark.slow
 def test_figures_of_sentences_are_those_of_the_maps(library: Library) -> None:
     own = library.readers[OWN].result().home
     maps = {"demo": library.readers[FIRST].result().home / "out" / "demo", "first": own / "first", "out": own / "out"}
@@ -497,13 +499,14 @@ def demo(library: Library, tmp_path: Path) -> Path:
     return Path(shutil.copytree(library.readers[FIRST].result().home / "out" / "demo", tmp_path / "demo"))
 
 
-@pytest.mark.pages
+@pytest.mark.slow
 def test_the_notebook_runs_as_it_stands(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the folder of the demo, so that nothing is measured again."""
     notebook, home = nbformat.read(NOTEBOOK, as_version=4), demo.parent
     begin = home / "ipython" / "profile_default" / "startup" / "folder.py"
     begin.parent.mkdir(parents=True)
-    begin.write_text(f"import tempfile\ntempfile.mkdtemp = lambda: {str(home)!r}\n", encoding="utf-8")
+    made = f"import tempfile\ntempfile.mkdtemp = lambda *how, made=tempfile.mkdtemp: made(*how) if how else {str(home)!r}\n"
+    begin.write_text(made, encoding="utf-8")
     monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
     monkeypatch.setenv("JUPYTER_RUNTIME_DIR", str(home / "runtime"))
     monkeypatch.setenv("IPYTHONDIR", str(home / "ipython"))
@@ -529,7 +532,7 @@ def pictures(notebook: nbformat.NotebookNode) -> int:
     return sum("image/png" in output.get("data", {}) for output in outputs)
 
 
-@pytest.mark.pages
+@pytest.mark.slow
 def test_lamps_alone_are_mapped_on_an_earlier_maps_path(demo: Path) -> None:
     command = [sys.executable, "-m", "savmap", "map", str(SITE), "--plugins", "lights", "-o", "out"]
     done = subprocess.run(
