@@ -84,7 +84,8 @@ def verdict_lines(site_map: SiteMap, folder: Path) -> Iterator[str]:
             yield f"    {warning.action}"
         if verdict.notes:
             more = len(verdict.notes) - 1
-            yield f"  note: {verdict.notes[0]}{f' (and {more} more in the report)' if more else ''}"
+            others = f" (and {more} more note{'s' * (more > 1)} in the report)" if more else ""
+            yield f"  note: {verdict.notes[0]}{others}"
     if any(verdict.warnings for verdict in verdicts.values()):
         yield f"details: {folder / 'report.html'}, {folder / MAP}, savmap view {folder}"
 

@@ -44,7 +44,7 @@ from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
 from savmap.site.model import Pass, pass_names
-from savmap.site.preflight import require_ready
+from savmap.site.preflight import questions, require_ready
 from savmap.types import Evaluation, Picture, SiteMap, Survey
 from savmap.types.progress import Monitor
 from savmap.video.reader import probe
@@ -224,7 +224,7 @@ def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
 def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is
     done here."""
-    for note in job.notes:
+    for note in (*job.notes, *dict.fromkeys(questions(job))):
         monitor.note(note)
     mapped = map_rows_of(
         job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)

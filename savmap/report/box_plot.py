@@ -130,7 +130,7 @@ def _class_labels(errors_cm: Mapping[str, Floats], y: Scale) -> list[Label]:
     labels = []
     for k, (name, errors) in enumerate(errors_cm.items()):
         middle, outside = _LEFT + _COLUMN * k + _COLUMN // 2, y.outside(errors)
-        count = f"({len(errors)}, {outside} further off)" if outside else f"({len(errors)})"
+        count = f"({len(errors)}, {outside} beyond the axis)" if outside else f"({len(errors)})"
         labels += [
             Label(middle, _BOTTOM + 18, name, "class"),
             Label(middle, _BOTTOM + 18, count, "class small", dy=1.4),

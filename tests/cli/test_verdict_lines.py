@@ -36,7 +36,7 @@ def test_a_trusted_row_prints_two_lines_at_most() -> None:
     notes = ("not checked by a second reference: heights (an error of 8 cm would stay hidden)", "b", "c")
     assert [*verdict_lines(site(row("A")), Path("out"))] == ["row A: trusted"]
     lines = [*verdict_lines(site(row("A", notes=notes)), Path("out"))]
-    assert lines == ["row A: trusted", f"  note: {notes[0]} (and 2 more in the report)"]
+    assert lines == ["row A: trusted", f"  note: {notes[0]} (and 2 more notes in the report)"]
 
 
 def test_a_warning_prints_two_lines_without_its_details() -> None:

@@ -79,7 +79,7 @@ def test_what_does_not_fit_the_box_plot_is_counted() -> None:
     errors = np.append(np.linspace(-0.01, 0.01, 50), [3.0])
     figure = box_plot(Evaluation({"A": Score({"H gap": errors, "none": np.zeros(0)})}))
     assert figure is not None
-    assert [label.text for label in figure.labels if "class" in label.style] == ["H gap", "(51, 1 further off)"]
+    assert [label.text for label in figure.labels if "class" in label.style] == ["H gap", "(51, 1 beyond the axis)"]
     assert box_plot(Evaluation({"A": Score()})) is None
 
 

@@ -181,9 +181,11 @@ def _scale_advice(problem: Problem) -> str:
         remedy = "see that it is in the footage, or give another reference"
         return f"marker {names} was not seen well enough to give it: {remedy}"
     heights = bool(problem.camera.references.camera_heights)
-    levels = any(r.name and r.axis == "y" and r.b is None for r in problem.relations)
+    known = [r for r in problem.relations if r.name and r.axis == "y" and r.b is None]
+    levels = any(not relation.presumed for relation in known)
     if heights and not levels:
-        return f"a camera height alone does not give it: add {_height_reference(problem)} or a known length"
+        why = "".join(f", and the {name} is not seen well" for name in sorted({relation.name for relation in known}))
+        return f"a camera height alone does not give it{why}: add {_height_reference(problem)} or a known length"
     if levels and not heights:
         remedy = "add a camera height or a known length under 'references'"
         return f"known heights on the structure alone do not give it: {remedy}"

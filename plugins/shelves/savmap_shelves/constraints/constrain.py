@@ -293,7 +293,8 @@ def assignments(
         if count <= places[-1]:
             what = f"row {row}: {setting} gives {count} values, but {_found(sections)}"
             raise SiteError(
-                f"{what}; give one for each, or map the row without {setting} to see what is taken for a bay"
+                f"{what}; give one for each, or, if `side` asks for the other face, change it; the row mapped without "
+                f"{setting} shows what is taken for a bay"
             )
     whole = max(counts.values(), default=places[-1] + 1)
     lists = {
