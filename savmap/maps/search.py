@@ -132,7 +132,7 @@ def _without_texts(site: SiteMap) -> str:
         return ""
     counted = Counter(structure.label for structure in structures).most_common(MOST_LABELS)
     has = ", ".join(f"{label} ({count})" for label, count in counted) or "nothing"
-    return f": no text was read in it, which takes a plugin that reads them, such as `signs`; it has {has}"
+    return f": no text was read in it, which takes a plugin that reads them; it has {has}"
 
 
 def _vertices(structure: Structure) -> Iterator[Structure]:

@@ -1,8 +1,15 @@
 """A unit is told where a value is right in it, and hardly any wrong value would be so by chance."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from savmap.errors import SolveError
+from savmap.graph.solver.judgement import reference_tests
 from savmap.graph.solver.judgement.contradictions import unit_of
+from savmap.graph.solver.judgement.reference_tests import ReferenceTest, refuse_contradiction
+from savmap.types import ReferenceUse
 
 
 @pytest.mark.parametrize(
@@ -24,3 +31,15 @@ def test_a_unit_is_told_where_it_is_the_likeliest_cause(
     value: float, given_sigma: float, otherwise: float, sigma: float, unit: str
 ) -> None:
     assert unit_of(value, given_sigma, otherwise, sigma) == unit
+
+
+def test_a_reference_that_is_alone_is_asked_for_its_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is presumed of the floor was called the rest, which said 4.784 m of a camera at 3.05 m."""
+    monkeypatch.setattr(reference_tests, "contradiction", lambda problem, what: SolveError(what))
+    problem: Any = SimpleNamespace(presumed={"floor": "feet may be hidden"})
+    height = ReferenceTest(ReferenceUse("camera height", 10.0, 0.02, 9.99), 4.784, 9.0, True)
+    floor = ReferenceTest(ReferenceUse("floor", 0.0, 0.06, 0.0), 0.0, 0.0, False)
+    with pytest.raises(SolveError, match=r"is given as 10.000 m \+- 0.020 m, .*: is it in metres\?$"):
+        refuse_contradiction(problem, [height, floor])
+    with pytest.raises(SolveError, match="but the rest says 4.784 m$"):
+        refuse_contradiction(problem, [height, floor, height])

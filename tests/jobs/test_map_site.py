@@ -82,6 +82,13 @@ def test_warning_of_mapping_is_left_to_its_task(job: Job, monkeypatch: pytest.Mo
     assert notes.lines == []
 
 
+def test_a_run_asks_what_check_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given = overrides_of(["references.camera_height_m=10.02"], {})
+    job = job_for(EXAMPLE / "site.yaml", None, tmp_path, overrides=given)
+    _, notes = written(job, monkeypatch, MappedRows({NAME: row()}, {}, RunLog(rows={})))
+    assert any("is the camera 10.02 m high? 10.02 feet are 3.05 m" in line for line in notes)
+
+
 def test_viewer_of_a_run_is_of_its_map(job: Job, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     written(job, monkeypatch, MappedRows({NAME: row()}, {}, RunLog(rows={})))
     assert viewed(tmp_path, job.site.survey) == (tmp_path / "view.html", False)

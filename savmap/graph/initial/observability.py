@@ -181,10 +181,12 @@ def _scale_advice(problem: Problem) -> str:
         remedy = "see that it is in the footage, or give another reference"
         return f"marker {names} was not seen well enough to give it: {remedy}"
     heights = bool(problem.camera.references.camera_heights)
-    known = [r for r in problem.relations if r.name and r.axis == "y" and r.b is None]
-    levels = any(not relation.presumed for relation in known)
+    on_structure = [r for r in problem.relations if r.name and r.axis == "y" and r.b is None]
+    levels = any(not relation.presumed for relation in on_structure)
     if heights and not levels:
-        why = "".join(f", and the {name} is not seen well" for name in sorted({relation.name for relation in known}))
+        why = "".join(
+            f", and the {name} is not seen well" for name in sorted({relation.name for relation in on_structure})
+        )
         return f"a camera height alone does not give it{why}: add {_height_reference(problem)} or a known length"
     if levels and not heights:
         remedy = "add a camera height or a known length under 'references'"
