@@ -39,7 +39,7 @@ def test_a_reference_that_is_alone_is_asked_for_its_unit(monkeypatch: pytest.Mon
     problem: Any = SimpleNamespace(presumed={"floor": "feet may be hidden"})
     height = ReferenceTest(ReferenceUse("camera height", 10.0, 0.02, 9.99), 4.784, 9.0, True)
     floor = ReferenceTest(ReferenceUse("floor", 0.0, 0.06, 0.0), 0.0, 0.0, False)
-    with pytest.raises(SolveError, match=r"is given as 10.000 m \+- 0.020 m, .*: is it in metres\?$"):
+    with pytest.raises(SolveError, match=r"is given as 10\.000 m \+- 0.020 m, .*: is it in metres\?$"):
         refuse_contradiction(problem, [height, floor])
-    with pytest.raises(SolveError, match="but the rest says 4.784 m$"):
+    with pytest.raises(SolveError, match=r"but the rest says 4\.784 m$"):
         refuse_contradiction(problem, [height, floor, height])
