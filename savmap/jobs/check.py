@@ -116,7 +116,7 @@ def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     networks = list(preflight.networks(job))
     yield from networks
     yield from preflight.references(job)
-    yield from dict.fromkeys(preflight.questions(job))
+    yield from preflight.questions(job)
     yield from preflight.survey(job)
     if not any(isinstance(finding, SavmapError) for finding in networks):
         yield from _previewed(job, footage, pictures)

@@ -224,7 +224,7 @@ def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
 def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is
     done here."""
-    for note in (*job.notes, *dict.fromkeys(questions(job))):
+    for note in (*job.notes, *questions(job)):
         monitor.note(note)
     mapped = map_rows_of(
         job, options, monitor, cache, with_pictures=write and (job.site.orthophotos or job.site.panoramas)

@@ -241,10 +241,8 @@ def collect(row: DescribedRow) -> RowMap:
     facts, solution = row.measurements.facts, row.solution
     notes = (*row.measurements.notes, *row.notes, *solution.notes)
     structures, verdict = judge(row)
-    joint, largest_m = (
-        joint_covariance(structures, solution),
-        float(np.abs(solution.covariance.hidden).max(initial=0.0)),
-    )
+    joint = joint_covariance(structures, solution)
+    largest_m = float(np.abs(solution.covariance.hidden).max(initial=0.0))
     row_map = RowMap(
         name=row.request.name,
         frames=facts.frames,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -34,6 +34,7 @@ from savmap.video.clip import VideoInfo, time_range, too_few
 from savmap.video.reader import check_camera, expected_frames, probe
 from savmap.vision.markers import MarkerTracker
 
+Finding = TypeVar("Finding")
 HIGH_M = 6.0
 """Above it hardly a camera is carried or driven: a height in feet is."""
 
@@ -43,9 +44,9 @@ def settings_problems(site: Site, plugins: Sequence[str], places: SourceMap) -> 
     yield from _once(problem for name in dict.fromkeys(plugins) for problem in _of_plugin(site, name, places))
 
 
-def _once(problems: Iterable[SavmapError]) -> Iterator[SavmapError]:
-    """The problems, of those that say the same only one."""
-    yield from {str(problem): problem for problem in problems}.values()
+def _once(findings: Iterable[Finding]) -> Iterator[Finding]:
+    """The findings, of those that say the same only one."""
+    yield from {str(finding): finding for finding in findings}.values()
 
 
 def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError]:
@@ -179,20 +180,23 @@ def _is_within(file: Path, folder: Path) -> bool:
 
 
 def questions(job: Job) -> Iterator[Question]:
-    """What may be wrong with references and settings."""
-    for row in job.site.rows:
-        given = job.site.row_references(row)
-        if given.camera_height_m and given.camera_height_m.value > HIGH_M:
-            feet, place = given.camera_height_m.value, job.places.of(_of_reference(job, row, ("camera_height_m",)))
-            yield Question(f"{place}: is the camera {feet:.2f} m high? {feet:.2f} feet are {0.3048 * feet:.2f} m")
-        names = [
-            *(name for length in given.lengths for name in length.between),
-            *(point.vertex for point in given.points),
-        ]
-        for plugin in plugins_for(job, row):
-            place = job.places.of(("rows", row, "plugins", plugin.name))
-            asked = getattr(plugin.instance, "questions", lambda names: ())
-            yield from (Question(f"{place}: row {row}: {text}") for text in asked(names))
+    """What may be wrong with references and settings, each once."""
+    return _once(question for row in job.site.rows for question in _questions_of(job, row))
+
+
+def _questions_of(job: Job, row: str) -> Iterator[Question]:
+    given = job.site.row_references(row)
+    if given.camera_height_m and given.camera_height_m.value > HIGH_M:
+        feet, place = given.camera_height_m.value, job.places.of(_of_reference(job, row, ("camera_height_m",)))
+        yield Question(f"{place}: is the camera {feet:.2f} m high? {feet:.2f} feet are {0.3048 * feet:.2f} m")
+    names = [
+        *(name for length in given.lengths for name in length.between),
+        *(point.vertex for point in given.points),
+    ]
+    for plugin in plugins_for(job, row):
+        place = job.places.of(("rows", row, "plugins", plugin.name))
+        asked = getattr(plugin.instance, "questions", lambda names: ())
+        yield from (Question(f"{place}: row {row}: {text}") for text in asked(names))
 
 
 def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:

@@ -147,10 +147,8 @@ def refuse_contradiction(problem: Problem, tests: Sequence[ReferenceTest]) -> No
     wrong = [test for test in tests if test.gross and test.use.name not in presumed]
     if wrong:
         lines = [test.line for test in sorted(wrong, key=lambda test: -test.deviation)[:3]]
-        if len(tests) - sum(test.use.name in presumed for test in tests) == 1:
-            lines = [
-                f"{stated(wrong[0].use, wrong[0].is_given)}, which does not fit how the camera is seen to sway: is it in metres?"
-            ]
+        if sum(test.use.name not in presumed for test in tests) == 1:
+            lines = [f"{stated(wrong[0].use, wrong[0].is_given)}, but what is seen does not fit: is it in metres?"]
         raise contradiction(problem, "; ".join(lines))
 
 
