@@ -1,0 +1,304 @@
+"""The path of a drive, up to scale, from points that are followed over the whole panorama: no network, no structure.
+
+Corners (Shi and Tomasi 1994) are followed from frame to frame, there and back (Lucas and Kanade 1981; Bouguet 2000), in
+a small grey panorama. The first two frames that are apart give a scale. From then on each frame is placed by the points
+that are known, robustly, and its rays tell more of where these are: a point is where all of its rays so far come
+nearest. What moves by itself, or was taken for its neighbour, does not fit and is left; what moves with the rig never
+shows parallax. Each frame costs the same, and needs none of those that follow.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from savmap.geometry.motion import AGREES, resected, two_views
+from savmap.geometry.sphere import rays_from_panorama_pixels
+from savmap.types import Bools, FilmedPanorama, Floats, Ints, Panorama, array_record
+from savmap.vision.flow import lucas_kanade
+
+WIDTH, PAD = 1024, 96
+"""Of the panorama that points are followed in, and of what of its other end is shown at each end."""
+HIGHEST_DEG = 62.0
+"""Of points that are followed: nearer to the poles a panorama is bent too much, and shows the rig."""
+MOST_POINTS, APART_PX, QUALITY = 700, 12, 0.005
+MOST_RETURN_PX = 0.5
+SIGMA = 0.35 * 2 * np.pi / WIDTH
+"""Of a ray, radians."""
+LEAST_POINTS, LEAST_SHARE = 12, 0.3
+"""By which a frame is placed, and which share of the points that are known must agree."""
+FIRST_PARALLAX = float(np.radians(2.0))
+"""Between the first two frames, beside what turning explains: the middle one of the points'."""
+KNOWN_PARALLAX = float(np.radians(1.0))
+
+Grey = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class Followed:
+    """The points that were followed to a frame, in rising order of their numbers (n,), new ones among them, and where
+    they are in the small panorama, pixels (n, 2) float32."""
+
+    numbers: Ints
+    pixels: NDArray[np.float32]
+
+    @property
+    def rays(self) -> Floats:
+        """Unit rays (n, 3) in the rig frame."""
+        return rays_from_panorama_pixels(self.pixels.astype(np.float64), WIDTH // 2)
+
+
+def seen(panorama: Panorama) -> Grey:
+    """The small grey panorama (WIDTH / 2, WIDTH) that points are followed in."""
+    whole = panorama.planes.luma if isinstance(panorama, FilmedPanorama) else panorama.image
+    small = cv2.resize(whole, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
+    return np.asarray(small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+class Follower:
+    """Follows points through the panoramas of a drive, in order."""
+
+    def __init__(self) -> None:
+        self._last: Grey | None = None
+        self._numbers, self._pixels, self._next = np.zeros(0, np.int64), np.zeros((0, 2), np.float32), 0
+        rows = np.abs(90 - (np.arange(WIDTH // 2) + 0.5) * 360 / WIDTH) < HIGHEST_DEG
+        self._looked_at: Grey = np.zeros((WIDTH // 2, WIDTH + 2 * PAD), np.uint8)
+        self._looked_at[rows, PAD:-PAD] = 255
+
+    def update(self, panorama: Panorama) -> Followed:
+        """Follow the points to the next frame, and begin new ones where there are none."""
+        wide = _wide(seen(panorama))
+        if self._last is not None and len(self._pixels):
+            self._move(self._last, wide)
+        self._begin(wide)
+        self._last = wide
+        return Followed(self._numbers, self._pixels)
+
+    def forget(self, numbers: Ints) -> None:
+        """Follow some of the points no more."""
+        kept = ~np.isin(self._numbers, numbers)
+        self._numbers, self._pixels = self._numbers[kept], self._pixels[kept]
+
+    def go_on(self, panorama: Panorama, followed: Followed) -> None:
+        """Go on from a frame to which these points were followed."""
+        self._last, self._numbers, self._pixels = _wide(seen(panorama)), followed.numbers, followed.pixels
+        self._next = int(followed.numbers.max(initial=-1)) + 1
+
+    def _move(self, last: Grey, wide: Grey) -> None:
+        begin = (self._pixels + np.array([PAD, 0], np.float32))[:, None]
+        there, ok = lucas_kanade(last, wide, begin)
+        back, ok_back = lucas_kanade(wide, last, there)
+        good = ok & ok_back & (np.linalg.norm(back - begin, axis=2)[:, 0] < MOST_RETURN_PX)
+        pixels = there[good, 0]
+        pixels[:, 0] = (pixels[:, 0] - PAD) % WIDTH
+        self._numbers, self._pixels = self._numbers[good], pixels
+
+    def _begin(self, wide: Grey) -> None:
+        free = self._looked_at.copy()
+        for x, y in self._pixels.astype(int).tolist():
+            cv2.circle(free, (x + PAD, y), APART_PX, 0, -1)
+        if (most := MOST_POINTS - len(self._pixels)) <= 0:
+            return
+        corners = cv2.goodFeaturesToTrack(wide, most, QUALITY, APART_PX, mask=free)
+        if corners is not None:
+            pixels = corners[:, 0].astype(np.float32) - np.array([PAD, 0], np.float32)
+            self._numbers = np.append(self._numbers, self._next + np.arange(len(pixels)))
+            self._pixels = np.vstack([self._pixels, pixels])
+            self._next += len(pixels)
+
+
+def _wide(grey: Grey) -> Grey:
+    return np.asarray(cv2.copyMakeBorder(grey, 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class WalkedPath:
+    """The path of a drive of n frames: poses `world_from_rig` (n, 4, 4) in the frame of the first and in an unknown
+    scale; to which `part` of the drive each belongs (n,), -1 where no pose is known: each part has a scale and a frame
+    of its own, for too few points led from one to the next; and the variance of each step (n, 6), turn (radians)
+    before position."""
+
+    world_from_rig: Floats
+    part: Ints
+    variance: Floats
+
+    @cached_property
+    def longest(self) -> int:
+        """The part with most frames; 0 where there is none."""
+        return int(np.bincount(self.part[self.part >= 0], minlength=1).argmax())
+
+
+@dataclass(eq=False)
+class _Points:
+    """Points that are followed: numbers (n,), the sums of I - r r' (n, 3, 3) and of these times the camera's place
+    (n, 3) over their rays r, how many these are (n,)."""
+
+    numbers: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    across: Floats = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    at: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    rays: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def only(self, numbers: Ints) -> "_Points":
+        """With these numbers alone, in rising order; those that are new have no rays yet."""
+        known = np.searchsorted(self.numbers, numbers)
+        old = (
+            (known < len(self.numbers)) & (self.numbers[np.minimum(known, len(self.numbers) - 1)] == numbers)
+            if len(self.numbers)
+            else np.zeros(len(numbers), np.bool_)
+        )
+        points = _Points(
+            numbers, np.zeros((len(numbers), 3, 3)), np.zeros((len(numbers), 3)), np.zeros(len(numbers), np.int64)
+        )
+        for mine, others in ((points.across, self.across), (points.at, self.at), (points.rays, self.rays)):
+            mine[old] = others[known[old]]
+        return points
+
+    def add(self, chosen: Bools, rays: Floats, place: Floats) -> None:
+        """Add world rays (n, 3) from a place (3,) to the chosen points (n,)."""
+        across = np.eye(3) - rays[chosen, :, None] * rays[chosen, None, :]
+        self.across[chosen] += across
+        self.at[chosen] += across @ place
+        self.rays[chosen] += 1
+
+    @property
+    def known(self) -> Bools:
+        """Which points (n,) show enough parallax."""
+        least = np.linalg.eigvalsh(self.across)[:, 0] / np.maximum(self.rays, 1)
+        return np.asarray((self.rays > 1) & (least > (KNOWN_PARALLAX / 2) ** 2))
+
+    def places(self) -> Floats:
+        """Where the points are (n, 3); of those that are not known, anywhere."""
+        return np.asarray(np.linalg.solve(self.across + 1e-9 * np.eye(3), self.at[..., None])[..., 0])
+
+
+class Odometry:
+    """Places the frames of a drive by the points that were followed to them, in order."""
+
+    def __init__(self) -> None:
+        self._poses: list[Floats] = []
+        self._parts: list[int] = []
+        self._variances: list[Floats] = []
+        self._waiting: list[Followed] = []
+        self._points = _Points()
+        self._part = 0
+        self._last: Followed | None = None
+
+    @property
+    def path(self) -> WalkedPath:
+        """The path so far."""
+        poses = np.array(self._poses).reshape(-1, 4, 4)
+        return WalkedPath(poses, np.array(self._parts, np.int64), np.array(self._variances).reshape(-1, 6))
+
+    @property
+    def pose(self) -> Floats | None:
+        """world_from_rig (4, 4) of the latest frame; None where it is not known."""
+        return self._poses[-1] if self._parts and self._parts[-1] >= 0 else None
+
+    @property
+    def part(self) -> int:
+        """The part of the drive that the latest frame belongs to; -1 where its pose is not known."""
+        return self._parts[-1] if self._parts else -1
+
+    @property
+    def places(self) -> Floats:
+        """Where the points are (n, 3) that were followed to the latest frame and are known, in the path's frame."""
+        known = self._points.known
+        return self._points.places()[known]
+
+    def take(self, followed: Followed) -> Ints:
+        """Take the next frame; the numbers of points that are to be followed no more, for they do not fit."""
+        self._poses.append(np.eye(4))
+        self._parts.append(-1)
+        self._variances.append(np.zeros(6))
+        self._last = followed
+        if self._waiting or not len(self._points.numbers):
+            self._begin(followed)
+            return np.zeros(0, np.int64)
+        lost = self._place(len(self._poses) - 1, followed)
+        if lost is None:
+            self._part += 1
+            self._points, self._waiting = _Points(), []
+            self._begin(followed)
+            return np.zeros(0, np.int64)
+        return lost
+
+    def _begin(self, followed: Followed) -> None:
+        """Find the scale of a part by its first frame and this one, where they are far enough apart."""
+        while self._waiting:
+            first = self._waiting[0]
+            shared, a, b = np.intersect1d(first.numbers, followed.numbers, assume_unique=True, return_indices=True)
+            if len(shared) >= 2 * LEAST_POINTS:
+                before, after = first.rays[a], followed.rays[b]
+                if _parallax(before, after) > FIRST_PARALLAX:
+                    pose, agrees = two_views(before, after, SIGMA, len(self._poses))
+                    if agrees.sum() >= LEAST_POINTS:
+                        self._waiting.append(followed)
+                        self._started(pose, shared[agrees])
+                        return
+                break
+            self._waiting.pop(0)
+        self._waiting.append(followed)
+
+    def _started(self, pose: Floats, numbers: Ints) -> None:
+        """Place the frames that waited: the first, the last by its pose, then those between."""
+        waiting, self._waiting = self._waiting, []
+        first = len(self._poses) - len(waiting)
+        self._points = _Points().only(np.union1d(waiting[0].numbers, waiting[-1].numbers))
+        for frame, followed, placed in ((first, waiting[0], np.eye(4)), (first + len(waiting) - 1, waiting[-1], pose)):
+            self._keep(frame, placed, np.zeros(6))
+            here = np.isin(self._points.numbers, followed.numbers)
+            rays = np.zeros((len(here), 3))
+            rays[here] = followed.rays[np.isin(followed.numbers, self._points.numbers)] @ placed[:3, :3].T
+            self._points.add(here & (np.isin(self._points.numbers, numbers) | (frame != first)), rays, placed[:3, 3])
+        points = self._points
+        for number, followed in enumerate(waiting[1:-1], first + 1):
+            self._place(number, followed)
+            self._points = points
+        self._points = points.only(waiting[-1].numbers)
+
+    def _place(self, frame: int, followed: Followed) -> Ints | None:
+        """Place a frame by the points that are known, and add its rays to them; the points that do not fit. None where
+        too few agree."""
+        points = self._points.only(followed.numbers)
+        known, places, rays = points.known, points.places(), followed.rays
+        if known.sum() < LEAST_POINTS:
+            return None
+        pose, covariance, off = resected(places[known], rays[known], self._predicted(frame), SIGMA)
+        fits = off < AGREES * SIGMA
+        if fits.sum() < max(LEAST_POINTS, LEAST_SHARE * known.sum()):
+            return None
+        self._keep(frame, pose, np.diag(covariance))
+        good = np.ones(len(rays), np.bool_)
+        good[known] = fits
+        points.add(good, rays @ pose[:3, :3].T, pose[:3, 3])
+        self._points = points.only(points.numbers[good])
+        return points.numbers[~good]
+
+    def _predicted(self, frame: int) -> Floats:
+        """Where the camera would be by its last step."""
+        part = self._part
+        before = [number for number in (frame - 1, frame - 2) if number >= 0 and self._parts[number] == part]
+        if len(before) < 2:
+            return self._poses[before[0]] if before else np.eye(4)
+        last, earlier = (self._poses[number] for number in before)
+        pose: Floats = last.copy()
+        pose[:3, 3] += last[:3, 3] - earlier[:3, 3]
+        return pose
+
+    def _keep(self, frame: int, pose: Floats, variance: Floats) -> None:
+        self._poses[frame], self._parts[frame], self._variances[frame] = pose, self._part, variance
+
+
+def _parallax(first: Floats, second: Floats) -> float:
+    """The middle angle between rays (n, 3) of two frames that a turn between them does not explain, radians."""
+    weights = np.ones(len(first))
+    for _ in range(5):
+        left, _, right = np.linalg.svd((second * weights[:, None]).T @ first)
+        turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+        off = np.linalg.norm(second - first @ turn.T, axis=1)
+        weights = 1 / (off + 0.01)
+    return float(np.median(off))
