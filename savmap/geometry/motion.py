@@ -70,9 +70,10 @@ def _refined(first: Floats, second: Floats, sigma: float, turn: Floats, towards:
         direction = towards + change[3:] @ side
         return Rotation.from_rotvec(change[:3]).as_matrix() @ turn, direction / np.linalg.norm(direction)
 
-    found = least_squares(
-        lambda change: _off_plane(first, second, *moved(change)) / sigma, np.zeros(5), loss="soft_l1", f_scale=2.0
-    )
+    def off(change: Floats) -> Floats:
+        return _off_plane(first, second, *moved(change)) / sigma
+
+    found = least_squares(off, np.zeros(5), loss="soft_l1", f_scale=2.0)
     return moved(found.x)
 
 

@@ -26,7 +26,7 @@ from savmap.plugin.isolation import because, failed
 from savmap.site.job import Job, plugins_for
 from savmap.site.load import is_footage
 from savmap.site.references import calibration_of, references_of
-from savmap.types import Orthophoto, RowMap, RowStrips, Still, Trajectory
+from savmap.types import Orthophoto, RowMap, RowStrips, Still
 from savmap.types.progress import Monitor, NoteCollector
 from savmap.vision.orthophoto import orthophoto
 
@@ -219,14 +219,15 @@ def picture_of(row: RowMap, strips: RowStrips) -> RowPicture:
 
 def request_for(job: Job, row: str) -> RowRequest:
     """What the job asks of one of its rows. Raises PluginError, SiteError."""
-    references = job.site.row_references(row)
+    references, earlier = job.site.row_references(row), earlier_row(job, row)
     return RowRequest(
         name=row,
         passes=job.site.rows[row].passes,
         plugins=plugins_for(job, row),
         references=references_of(references),
         travel_m=references.travel_m,
-        path=earlier_path(job, row),
+        path=None if earlier is None else earlier.trajectory,
+        path_s=None if earlier is None else frozenset(earlier.frames.stamps_s.tolist()),
         calibration=calibration_of(job.site.row_calibration(row)),
         appearance=job.site.row_appearance(row),
         against=mapped_rows(job, row),
@@ -245,8 +246,8 @@ def mapped_rows(job: Job, row: str) -> Mapping[str, RowMap]:
     return {chosen: rows[chosen]} if chosen is not None and chosen in rows else rows
 
 
-def earlier_path(job: Job, row: str) -> Trajectory | None:
-    """The camera's path in a row of an earlier map, if the job has one. Raises SiteError where that has no such row."""
+def earlier_row(job: Job, row: str) -> RowMap | None:
+    """The row in an earlier map, whose path of the camera is used, if the job has one. Raises SiteError where that has no such row."""
     from savmap.maps.map_file import read_map  # loads the JSON Schema's library, which few runs need
 
     if job.earlier is None:
@@ -254,7 +255,7 @@ def earlier_path(job: Job, row: str) -> Trajectory | None:
     rows = read_map(job.earlier).rows
     if row not in rows:
         raise SiteError(f"{job.earlier}: has no row `{row}` whose camera path could be used; it has {', '.join(rows)}")
-    return rows[row].trajectory
+    return rows[row]
 
 
 class _NoteHandler(logging.Handler):

@@ -38,7 +38,7 @@ from savmap.report.site_report import VIEW
 from savmap.report.viewer import View, write_view
 from savmap.site.job import Job
 from savmap.site.model import pass_names
-from savmap.types import MapWarning, RowMap, SiteMap, ViewPlan
+from savmap.types import MapWarning, RowMap, SiteMap, Trajectory, ViewPlan
 from savmap.types.maps import PROVISIONAL
 from savmap.types.progress import SilentMonitor
 from savmap.vision.views import Renderer
@@ -77,10 +77,12 @@ class LivePlan:
 
 @dataclass(frozen=True, eq=False)
 class MapRequest:
-    """The times of all frames so far, and the numbers of those in which something was measured."""
+    """The times of all frames so far, the numbers of those in which something was measured, and the drive's path as
+    far as it is known, as in `RowMeasurements`."""
 
     stamps_s: Sequence[float]
     measured: frozenset[int]
+    walked: Trajectory | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +209,9 @@ class ProvisionalMaps:
         records = self._read(asked.measured)
         for number, stamp_s in enumerate(asked.stamps_s):
             walk.take_measured(stamp_s, records.get(number))
-        measured = find_structures(walk.walked(), monitor)
+        walked = walk.walked()
+        walked = replace(walked, measurements=replace(walked.measurements, walked=asked.walked))
+        measured = find_structures(walked, monitor)
         for request in (measured.request, *with_fewer_references(measured.request)):
             (result,) = map_rows([replace(measured, request=request)], monitor)
             if not isinstance(result, SiteError):  # which refers to what was not passed yet

@@ -92,7 +92,7 @@ class LiveRows:
         before, inside = self._watch.is_inside, self._watch.take(panorama)
         if before and not inside:
             self._next_row(panorama.frame)
-        state = self._live.take(numbered(panorama, -self._first), measures=inside)
+        state = self._live.take(numbered(panorama, panorama.frame - self._first), measures=inside)
         return self._of_walk(state, panorama.frame + 1, panorama.stamp_s - self._begun_s)
 
     def stop(self) -> None:

@@ -40,7 +40,7 @@ from savmap.live.assistant import (
 )
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest
 from savmap.maps.map_file import read_map
-from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.drive import RowWalk, Way, before_face
 from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.records import RowRequest
 from savmap.plugin.segmenters import SegmenterPool
@@ -49,6 +49,7 @@ from savmap.site.model import pass_names
 from savmap.site.preflight import tells_scale
 from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
 from savmap.types.progress import SilentMonitor
+from savmap.vision.odometry import Follower
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
@@ -60,7 +61,7 @@ WORKERS = min(2, os.cpu_count() or 1)
 PREVIEWED, KEYS, PAIRS = 16, 5, 3
 """Frames from which views are chosen, at the least; of these so many are asked, and so many pairs of neighbours."""
 MOST_PREVIEWED = 48
-FIRST_MAP, FURTHER = 10, 6
+FIRST_MAP, FURTHER = 6, 3
 """Measured frames before the first map, and between two maps."""
 SURE_UNSEEN = 2 * FIRST_MAP
 """Measured frames in which no structure is seen together, before that is said."""
@@ -204,6 +205,7 @@ class LiveMapping:
             forget(self._parts)
         self._journal = Journal(self._parts)
         self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
+        self._follower, self._way, self._fronts = Follower(), Way(), list[float]()
         self._stamps: list[float] = []
         self._to_measure: list[float] = []
         self._measured: set[int] = set()
@@ -235,15 +237,19 @@ class LiveMapping:
         return frozenset(self._measured)
 
     def take(self, panorama: Panorama, measures: bool = True) -> LiveState:
-        """Take the next frame, in which nothing is measured if there is no row to be seen in it. Raises the error by
-        which measuring failed."""
+        """Take the next frame, in which nothing is measured if there is no row to be seen in it, or the camera hardly
+        moved on. Raises the error by which measuring failed."""
         if self._failure is not None:
             raise self._failure
         self._stamps.append(panorama.stamp_s)
         advice = self.assistant.take(panorama)
+        followed = self._follower.update(panorama)
+        is_key = self._way.take(followed) or self._walk is None
+        self._follower.forget(self._way.unfit)
+        self._fronts.append(self._way.front(self._walk.towards if self._walk is not None else None))
         if self._journal.has(self.row, panorama.frame):
             self._measured.add(panorama.frame)
-        elif measures:
+        elif measures and is_key:
             self._to_measure.append(panorama.stamp_s)
             self._frames.put(panorama)
         self._map_again()
@@ -327,6 +333,7 @@ class LiveMapping:
         _, plugins, plan = planned = live_plan.planned(self.request)
         self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
+        self._way.keys.towards = [] if self._walk.towards is None else [self._walk.towards]
         self._follow_attitude(plan.attitude())
         self._mapper = Mapper(self.job, self.row, self._key, live_plan, self._others)
 
@@ -373,7 +380,8 @@ class LiveMapping:
         new = len(self._measured) - self._reply.frames
         if not mapper.is_busy and mapper.is_alive and new >= (FURTHER if self._maps else FIRST_MAP):
             self._journal.flush()
-            mapper.request(MapRequest(tuple(self._stamps), self.measured))
+            walked = before_face(self._way.odometry.path, np.arange(len(self._stamps)), self._fronts)
+            mapper.request(MapRequest(tuple(self._stamps), self.measured, walked))
 
     def _lag_s(self) -> float:
         """By how much footage what was measured is behind what came to be; first, behind the frames by which views are

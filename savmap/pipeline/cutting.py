@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from savmap.geometry import pinhole
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import FilmedPanorama, Floats, Panorama, Still, Strip, Trajectory, ViewSpec
-from savmap.video.reader import expected_frames, probe
+from savmap.video.reader import probe
 from savmap.vision.evidence import PackedView
 from savmap.vision.view_planning import face_at, tilted
 from savmap.vision.views import Renderer
@@ -27,18 +27,14 @@ Bytes = NDArray[np.uint8]
 STRIP_HFOV_DEG = 50.0
 """A strip is 0.9 of the distance to the face wide: neighbours overlap even where frames are few."""
 MOST_HEIGHT_PX, STRIP_QUALITY = 2000, 88
-MOST_STRIPS = 240
-"""Of a pass: one every 0.25 m of 60 m."""
 FLOOR_PITCH_DEG, FLOOR_HFOV_DEG = -50.0, 110.0
 """The view covers the floor from the face's foot to beside the camera, and as far to both sides."""
-FLOOR_QUALITY, MOST_FLOORS = 92, 240
+FLOOR_QUALITY = 92
 """The quality is high, because concrete has only faint stains."""
 STILL_HEIGHT_PX, STILL_QUALITY = 1024, 80
 """A degree is 6 pixels, about the resolution of a panorama in a browser's window."""
-STILL_S, MOST_STILLS = 0.7, 80
-"""Interval and most stills of a pass: one every 0.7 m at a walking pace. Of these, `spaced_stills` keeps those
-`STILL_M` apart."""
-STILL_M = 0.8
+STILL_EVERY, STILL_M = 2, 0.8
+"""Frames from a still to the next. Of these, `spaced_stills` keeps those so far apart."""
 
 
 class StripCutter(Protocol):
@@ -76,11 +72,9 @@ class FaceStrips:
 def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
     """The narrow middle of each of a plugin's views of a pass.
 
-    Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows. Its frames are at most `MOST_STRIPS` of the view's
-    own.
+    Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows.
     """
     info = probe(plan.clip.path, plan.clip.images_fps)
-    frames = expected_frames(plan.clip, info)
     for (of_plugin, name), spec in plan.views().items():
         if of_plugin != plugin:
             continue
@@ -88,10 +82,9 @@ def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
         focal = min(info.height / np.pi, MOST_HEIGHT_PX / 2 / steepness)
         half = np.tan(np.radians(min(STRIP_HFOV_DEG, spec.hfov_deg)) / 2)
         width, height = max(round(2 * focal * half), 2), max(round(2 * focal * steepness), 2)
-        frame_step = spec.every * max(1, -(-frames // (spec.every * MOST_STRIPS)))
         hfov_deg = float(np.degrees(2 * np.arctan(width / 2 / focal)))
         strip_name = f"{plan.name} / {name}, strip"
-        yield replace(spec, name=strip_name, hfov_deg=hfov_deg, width=width, height=height, every=frame_step)
+        yield replace(spec, name=strip_name, hfov_deg=hfov_deg, width=width, height=height)
 
 
 class FloorCutter:
@@ -118,29 +111,21 @@ class FloorCutter:
 
 
 def floor_view(plan: PassPlan, plugin: str, world_from_rig: Floats) -> ViewSpec:
-    """The view down to the floor in front of the face, by the rig's attitude (3, 3) at the start of a pass.
-
-    Its frames are at most `MOST_FLOORS` of those in which the plugin has views of the face: other frames get no pose.
-    """
-    frame_step = max((spec.every for spec in plan.plans[plugin].views), default=1)
-    frames = expected_frames(plan.clip, probe(plan.clip.path, plan.clip.images_fps))
+    """The view down to the floor in front of the face, by the rig's attitude (3, 3) at the start of a pass, in the
+    frames in which the plugin has views of the face: others get no pose."""
+    every = max((spec.every for spec in plan.plans[plugin].views), default=1)
     spec = tilted(face_at(world_from_rig), FLOOR_PITCH_DEG, FLOOR_HFOV_DEG, f"{plan.name} / floor")
-    return replace(spec, every=frame_step * max(1, -(-frames // (frame_step * MOST_FLOORS))))
+    return replace(spec, every=every)
 
 
 class Stills:
     """Keeps whole panoramas of some frames, smaller."""
 
-    def __init__(self) -> None:
-        self._frame_step = 1
-
     def begin(self, plan: PassPlan, plugin: str | None) -> None:
-        info = probe(plan.clip.path, plan.clip.images_fps)
-        rate = min(plan.clip.fps, info.rate_fps) if info.rate_fps > 0 else plan.clip.fps
-        self._frame_step = max(round(STILL_S * rate), -(-expected_frames(plan.clip, info) // MOST_STILLS), 1)
+        pass
 
     def cut(self, panorama: Panorama) -> list[Cut]:
-        if panorama.frame % self._frame_step:
+        if panorama.frame % STILL_EVERY:
             return []
         return [Still(panorama.frame, packed_jpeg(reduced(panorama, STILL_HEIGHT_PX), STILL_QUALITY))]
 

@@ -1,10 +1,11 @@
-"""The drive: the only walk over pixels. Every frame is decoded once, whichever rows are seen in it, and every view of
-it is rendered and segmented once. What comes after it works on what is kept here: features, packed views, and strips
-of the panoramas.
+"""The drive: the only walk over pixels. Every frame is decoded once, whichever rows are seen in it, and points are
+followed to it, which tell where the camera went. Frames before which it moved on are measured in: every view of these
+is rendered and segmented once. What comes after it works on what is kept here: the path, features, packed views, and
+strips of the panoramas.
 """
 
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -16,6 +17,7 @@ import numpy as np
 from savmap.errors import SavmapError, StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
+from savmap.pipeline.key_frames import KeyFrames, front
 from savmap.pipeline.networks import network_lines, with_best_networks
 from savmap.pipeline.records import (
     DriveFrame,
@@ -37,7 +39,9 @@ from savmap.types import (
     Feature,
     FilmedPanorama,
     Floats,
+    Flow,
     FrameTable,
+    Ints,
     MapWarning,
     Panorama,
     RowFacts,
@@ -54,8 +58,8 @@ from savmap.video.motion import PassWatch, Steps
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
 from savmap.vision.evidence import PackedView
-from savmap.vision.flow import FlowTracker, NullFlowTracker
 from savmap.vision.markers import MarkerTracker
+from savmap.vision.odometry import Followed, Follower, Odometry, WalkedPath, flows
 from savmap.vision.strips import PanoramaStrip, packed_grey, packed_maps, region_of, unpacked_grey
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Region, Renderer, tones_of
@@ -174,8 +178,9 @@ class Drive:
         self._all, self.renderer, self.report = rows, renderer, report
         self._journal, self._series = rows[0].journal, drive_of(rows[0].name, rows[0].plan.name)
         self._watch = PassWatch()
+        self._follower, self._way, self._known = Follower(), Way([row.towards for row in rows]), list[DriveFrame]()
         self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
-        self._ahead: deque[tuple[Panorama, Future[dict[int, Rendered | SavmapError]]]] = deque()
+        self._ahead: deque[tuple[dict[int, Panorama], Future[dict[int, Rendered | SavmapError]]]] = deque()
 
     def __enter__(self) -> "Drive":
         return self
@@ -191,28 +196,45 @@ class Drive:
         return without_failed(self._all)
 
     def resume(self) -> list[float]:
-        """Take the first frames as far as an earlier run kept them, without their pictures: their times. None where
-        points or markers are followed in the pictures, or a frame is known to be lost."""
-        kept = list[DriveFrame]()
-        while all(row.knows(len(kept)) for row in self.rows):
-            frame = self._journal.get(DriveFrame, self._series, len(kept))
-            if frame is None:
+        """Take the first frames as far as an earlier run kept them, without their pictures: their times, but for the
+        last, whose picture is needed to follow points on from there. None where markers are followed in the pictures,
+        or a frame is known to be lost."""
+        kept, numbers = list[DriveFrame](), [row.next for row in self.rows]
+        while (frame := self._journal.get(DriveFrame, self._series, len(kept))) is not None:
+            wanted = [row.wants(frame.stamp_s, frame.is_key) for row in self.rows]
+            if not all(row.knows(number) for row, number, w in zip(self.rows, numbers, wanted, strict=True) if w):
                 break
             kept.append(frame)
+            numbers = [number + w for number, w in zip(numbers, wanted, strict=True)]
         whole_until_s = max((frame.whole_until_s for frame in kept), default=-np.inf)
-        kept = [frame for frame in kept if frame.stamp_s <= whole_until_s]
-        for number, frame in enumerate(kept):
+        self._known = [frame for frame in kept if frame.stamp_s <= whole_until_s]
+        for number, frame in enumerate(self._known):
             self._watch.take(frame.stamp_s, unpacked_grey(frame.grey))
+            self._way.take(frame.followed)
             for row in self.rows:
-                row.take_known(number, frame.stamp_s)
-        if kept:
-            self.report.decoded = kept[-1].decoded
-            self.report.decoded_by = [frame.decoded for frame in kept]
-        return [frame.stamp_s for frame in kept]
+                if row.wants(frame.stamp_s, frame.is_key):
+                    row.take_known(number, frame.stamp_s, self._way)
+        before = self._known[:-1]
+        self.report.decoded, self.report.decoded_by = before[-1].decoded if before else 0, [f.decoded for f in before]
+        return [frame.stamp_s for frame in before]
 
     def add(self, panorama: Panorama) -> None:
         """Take the next frame; its number is that in the drive."""
-        self._ahead.append((panorama, self._pool.submit(self._rendered, panorama, tuple(self.rows))))
+        if panorama.frame < len(self._known):
+            self._follower.go_on(panorama, self._known[panorama.frame].followed)
+            self._follower.forget(self._way.unfit)
+            return
+        grey = packed_grey(self._watch.update(panorama))
+        followed = self._follower.update(panorama)
+        is_key = self._way.take(followed)
+        self._follower.forget(self._way.unfit)
+        decoded = self.report.decoded_by[panorama.frame] if panorama.frame < len(self.report.decoded_by) else 0
+        kept = DriveFrame(panorama.stamp_s, grey, decoded, self.report.whole_until_s, followed, is_key)
+        self._journal.add(self._series, panorama.frame, kept)
+        wanting = [row for row in self.rows if row.wants(panorama.stamp_s, is_key)]
+        if wanting:
+            shown = {id(row): numbered(panorama, row.counted(panorama.frame, self._way)) for row in wanting}
+            self._ahead.append((shown, self._pool.submit(self._rendered, shown, wanting)))
         if len(self._ahead) >= DEPTH:
             self._take()
 
@@ -220,6 +242,8 @@ class Drive:
         """What was measured of each row that goes on, up to the last frame."""
         while self._ahead:
             self._take()
+        for row in self.rows:
+            row.lay(self._way.odometry.path)
         return [row.walked() for row in self.rows]
 
     def finish(self) -> None:
@@ -227,37 +251,69 @@ class Drive:
         while self._ahead:
             self._take()
         for row in self.rows:
+            row.lay(self._way.odometry.path)
             row.attempt(partial(row.end, self.report, self._watch.steps))
 
     def _take(self) -> None:
-        panorama, future = self._ahead.popleft()
+        shown, future = self._ahead.popleft()
         rendered = future.result()
-        grey = packed_grey(self._watch.update(panorama))
-        decoded = self.report.decoded_by[panorama.frame] if panorama.frame < len(self.report.decoded_by) else 0
-        kept = DriveFrame(panorama.stamp_s, grey, decoded, self.report.whole_until_s)
-        self._journal.add(self._series, panorama.frame, kept)
         for row in self.rows:
-            shown = rendered[id(row)]
-            if isinstance(shown, SavmapError):
-                row.failure = shown
+            if (item := rendered.get(id(row))) is None:
+                continue
+            if isinstance(item, SavmapError):
+                row.failure = item
             else:
-                row.attempt(partial(row.take, numbered(panorama, row.first), shown))
+                row.attempt(partial(row.take, shown[id(row)], item))
 
-    def _rendered(self, panorama: Panorama, rows: "Sequence[RowWalk]") -> dict[int, Rendered | SavmapError]:
+    def _rendered(self, shown: Mapping[int, Panorama], rows: "Sequence[RowWalk]") -> dict[int, Rendered | SavmapError]:
         """What each row needs of a panorama; a view that several ask for is rendered once."""
         views: dict[ViewSpec, View] = {}
-        shown = each(rows, lambda row: row.render(numbered(panorama, row.first), views))
-        return {id(row): item for row, item in zip(rows, shown, strict=True)}
+        rendered = each(rows, lambda row: row.render(shown[id(row)], views))
+        return {id(row): item for row, item in zip(rows, rendered, strict=True)}
 
 
-def numbered(panorama: Panorama, first: int) -> Panorama:
-    """A panorama of a drive with its number in a row, whose first frame of the drive has this one."""
-    if not first:
-        return panorama
-    frame = first + panorama.frame
+class Way:
+    """The way of a drive as its frames tell it, in order: the odometry, and which frames are key frames. `towards`:
+    unit directions of the faces (3,) in the rig frame, None where one is not known."""
+
+    def __init__(self, towards: Sequence[Floats | None] = ()) -> None:
+        self.odometry, self.keys = Odometry(), KeyFrames()
+        self.keys.towards = [direction for direction in towards if direction is not None]
+        self.followed: Followed | None = None
+        """To the latest frame."""
+        self.unfit: Ints = np.zeros(0, np.int64)
+        """Of the latest frame: points that are to be followed no more."""
+
+    def take(self, followed: Followed) -> bool:
+        """Take the points that were followed to the next frame; whether it is a key frame."""
+        self.followed, self.unfit = followed, self.odometry.take(followed)
+        return self.keys.is_key(followed, self.odometry)
+
+    def front(self, towards: Floats | None) -> float:
+        """How far a face lies before the latest frame, in the path's scale; nan where its pose is not known."""
+        pose, places = self.odometry.pose, self.odometry.places
+        if pose is None or not len(places):
+            return float("nan")
+        return front((places - pose[:3, 3]) @ pose[:3, :3], () if towards is None else (towards,))
+
+
+def numbered(panorama: Panorama, frame: int) -> Panorama:
+    """A panorama of a drive with its number in a row."""
     if isinstance(panorama, FilmedPanorama):
         return FilmedPanorama(frame, panorama.stamp_s, panorama.planes)
     return replace(panorama, frame=frame)
+
+
+def before_face(path: WalkedPath, frames: Ints, fronts: Sequence[float]) -> Trajectory | None:
+    """The poses of some frames (n,) of a drive, numbered anew from 0, in the unit of the face's distance, where the
+    longest part of the path knows them. `fronts`: how far the face lay before each, in the path's scale."""
+    distances = np.array(fronts)
+    here = (path.part[frames] == path.longest) & np.isfinite(distances)
+    if not here.any():
+        return None
+    poses = path.world_from_rig[frames[here]]
+    poses[:, :3, 3] /= float(np.median(distances[here]))
+    return Trajectory(np.flatnonzero(here), poses)
 
 
 class RowWalk:
@@ -275,11 +331,16 @@ class RowWalk:
         self.plan, self._first_plan = first_plan, first_plan
         self.failure: SavmapError | None = None
         """Why the row cannot be measured."""
-        self.first = 0
-        """The number of the drive's first frame in the row."""
+        self.next = 0
+        """The number of the next frame of the row."""
+        self.keys: list[int] = []
+        """Of the frames of this pass: their numbers in the drive."""
+        self.fronts: list[float] = []
+        """How far the face lay before these, in the scale of the drive's path; nan where its pose is not known."""
+        self.laid: dict[str, Trajectory] = {}
+        self.followed: dict[str, dict[int, Followed]] = {}
         markers = self.request.gauge_references.markers
         self.markers = MarkerTracker([(marker.dictionary, marker.number) for marker in markers])
-        self.flow = FlowTracker() if self.request.appearance else NullFlowTracker()
         self.floor, self.face = FloorCutter(renderer), FaceStrips(renderer)
         self.cutters: list[StripCutter] = [self.floor]
         self.cutters += [self.face] if self.request.strips else []
@@ -294,6 +355,8 @@ class RowWalk:
             plugin.name: [] for plugin in self.plugins if plugin.has("find")
         }
         self.locators: set[str] = set()
+        self.located: set[str] = set()
+        """The views that these look at."""
         self.notes: list[str] = [
             *segmenters.notes,
             *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
@@ -319,13 +382,14 @@ class RowWalk:
             monitor.note(f"row {self.name}, {name}: choosing the views")
             attitude = self.request.attitudes.get(name)
             self.plan, _ = plan_pass(name, row_pass, self.plugins, self.segmenters, self.renderer, attitude)
-        self.first, self._region = len(self.pass_of), None
+        self.keys, self.fronts, self._region = [], [], None
         self.views |= {spec.name: spec for spec in self.plan.views().values()}
         self.travel[name] = self.plan.travel()
         attitude = self.plan.attitude()
         if attitude is not None:
             self.attitudes[name] = attitude
         self.locators |= self.plan.locators()
+        self.located |= {spec.name for (name, _), spec in self.plan.views().items() if name in self.plan.locators()}
         for cutter in self.cutters:
             cutter.begin(self.plan, next((name for name in self.packed_views if self.plan.plans[name].views), None))
 
@@ -342,30 +406,45 @@ class RowWalk:
         cuts = [cut for cutter in self.cutters for cut in cutter.cut(panorama)]
         return shown, cuts, self._strip(panorama)
 
-    def knows(self, number: int) -> bool:
-        """Whether a frame of the drive need not be seen again."""
-        follows = bool(self.request.gauge_references.markers) or self.request.appearance
-        return not follows and self.journal.has(self.name, self.first + number)
+    @property
+    def towards(self) -> Floats | None:
+        """The unit direction (3,) of the face in the rig frame, where it is known."""
+        attitude = self.plan.attitude()
+        return None if attitude is None else attitude.T @ np.array([0.0, 0.0, -1.0])
 
-    def take_known(self, number: int, stamp_s: float) -> None:
-        """Take what an earlier run kept of a frame of the drive."""
-        record = self.journal.get(FrameRecord, self.name, self.first + number)
+    def wants(self, stamp_s: float, is_key: bool) -> bool:
+        """Whether the row is measured in a frame of the drive: a key frame, or one that an earlier map has."""
+        return is_key if self.request.path_s is None else stamp_s in self.request.path_s
+
+    def counted(self, number: int, way: Way) -> int:
+        """The number in the row of the latest frame of a way, which has this one in the drive."""
+        self.keys.append(number)
+        self.fronts.append(way.front(self.towards))
+        if self.request.appearance and way.followed is not None:
+            self.followed.setdefault(self.plan.name, {})[self.next] = way.followed
+        self.next += 1
+        return self.next - 1
+
+    def lay(self, path: WalkedPath) -> None:
+        """Lay the frames of this pass along the path of the drive, in the unit of the face's distance."""
+        laid = before_face(path, np.array(self.keys, np.int64), self.fronts)
+        if laid is not None:
+            self.laid[self.plan.name] = replace(laid, frames=laid.frames + self.next - len(self.keys))
+
+    def knows(self, number: int) -> bool:
+        """Whether a frame need not be seen again."""
+        return not self.request.gauge_references.markers and self.journal.has(self.name, number)
+
+    def take_known(self, number: int, stamp_s: float, way: Way) -> None:
+        """Take what an earlier run kept of the latest frame of a way, which has this number in the drive."""
+        record = self.journal.get(FrameRecord, self.name, self.counted(number, way))
         if record is not None:
             self._keep(stamp_s, record)
 
     def take(self, panorama: Panorama, rendered: Rendered) -> None:
         """Measure in a frame, the next one. Plugins are asked by one thread, in order."""
         self.markers.update(panorama)
-        if isinstance(rendered, FrameRecord):
-            record, followed = rendered, tuple[View, ...]()
-            if not isinstance(self.flow, NullFlowTracker):
-                specs = [spec for spec in self.plan.plugins_by_view if spec.shows(panorama.frame)]
-                followed = tuple(self.renderer.render(panorama, spec) for spec in specs)
-        else:
-            followed, record = tuple(rendered[0]), self._journaled(panorama, *rendered)
-        for view in followed:
-            if self.plan.locators().intersection(self.plan.plugins_by_view[view.spec]):
-                self.flow.update(view)
+        record = rendered if isinstance(rendered, FrameRecord) else self._journaled(panorama, *rendered)
         self._keep(panorama.stamp_s, record)
 
     def measure_ahead(self, panorama: Panorama, rendered: Rendered) -> None:
@@ -401,12 +480,12 @@ class RowWalk:
 
     def end(self, report: DecodeReport, steps: Steps) -> None:
         """End a pass, of whose frames the report tells, and how the camera moved from each to the next."""
-        plan, count = self.plan, len(self.pass_of) - self.first
+        plan, count = self.plan, len(steps.stamps_s)
         if count < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, count, plan.name))
         course = require_course(plan.name, plan.clip.path, steps, plan.attitude(), plan.side)
         amid = (
-            warning if warning.frame is None else replace(warning, frame=self.first + warning.frame)
+            warning if warning.frame is None else replace(warning, frame=self._frame_at(warning.frame))
             for warning in course
         )
         self.warnings += [*plan.warnings, *amid]
@@ -414,6 +493,10 @@ class RowWalk:
         self.skipped += report.skipped
         if not report.complete:
             self.notes.append(f"{plan.clip.path}: {report.text()}")
+
+    def _frame_at(self, number: int) -> int:
+        """The frame of the row at, or last before, this one of the drive."""
+        return self.next - len(self.keys) + max(int(np.searchsorted(self.keys, number, "right")) - 1, 0)
 
     def walked(self) -> WalkedRow:
         """What was measured so far."""
@@ -429,11 +512,12 @@ class RowWalk:
                 locators=frozenset(self.locators),
                 notes=(*self.notes, *map(left_out, failures.values())),
                 marks=self.markers.marks,
-                flows=self.flow.flows,
+                flows=tuple(self._flows()),
                 failed=failures,
                 warnings=tuple(self.warnings),
                 skipped=self.skipped,
                 tones=tuple(self.tones),
+                walked=Trajectory.joined([*self.laid.values()]) if self.laid else None,
             ),
             strips=RowStrips(self.face.views, self._cuts_of(Strip), self._cuts_of(Still)),
             plugins=self.plugins,
@@ -442,6 +526,13 @@ class RowWalk:
             floor=self._cuts_of(PackedView),
             floor_views=self.floor.views,
         )
+
+    def _flows(self) -> Iterator[Flow]:
+        """The points that were followed, where the views of plugins that locate the camera show them."""
+        for row_pass, followed in self.followed.items():
+            for name, spec in self.views.items():
+                if name.startswith(f"{row_pass} / ") and name in self.located:
+                    yield from flows(followed, spec)
 
     def _cuts_of(self, kind: type[CutKind]) -> tuple[CutKind, ...]:
         """What was cut of one kind, in the order of the frames."""

@@ -1,7 +1,7 @@
 """What all frames show together: objects on planes, found in their evidence, and measured in every frame at their
 places.
 
-Once the camera's path is roughly known, the networks' scores of all frames add up on the planes that structures lie in.
+The drive's path is roughly that of the camera before the face, so that the networks' scores of all frames add up on the planes that structures lie in.
 A plugin finds its objects there, each with the probability that it exists. Their edges are then measured in the strips
 that the drive kept of the frames, and the path is solved; a second round finds and measures with that path.
 """
@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import SiteError, SolveError, StructureError
-from savmap.pipeline.path import completed, continued, first_poses, located_by
+from savmap.pipeline.first_path import paths_before_face
+from savmap.pipeline.passes import laid_on, moved
+from savmap.pipeline.path import completed, continued, located_by
 from savmap.pipeline.records import MeasuredRow, RowMeasurements, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import (
@@ -55,13 +57,12 @@ class Asked:
     measurements: RowMeasurements
 
 
-def find_structures(walked: WalkedRow, monitor: Monitor, start: Trajectory | None = None) -> MeasuredRow:
+def find_structures(walked: WalkedRow, monitor: Monitor) -> MeasuredRow:
     """The row with what every plugin finds in the evidence of all frames, measured in each of them; those that locate
-    the camera come first. `start`: a first path, up to scale, where the row's pictures need not give it. Raises
-    StructureError where one of these finds nothing."""
+    the camera come first. Raises StructureError where one of these finds nothing."""
     measurements = walked.measurements
     walked = replace(walked, request=completed(walked.request, measurements.facts.frames))
-    asked = Asked(walked.request.path or start, measurements)
+    asked = Asked(walked.request.path, measurements)
     for plugin in sorted(walked.plugins, key=lambda plugin: plugin.name not in measurements.locators):
         if plugin.name in walked.packed_views and plugin.failure is None:
             locates = plugin.name in measurements.locators
@@ -83,7 +84,7 @@ class Finder:
         """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
         lie. The first round takes the edges of masks that the walk measured, the second measures those of the panoramas
         where the model says that they are."""
-        measurements, path = asked.measurements, asked.path or self._first_path(asked.measurements)
+        measurements, path = asked.measurements, asked.path or self._first_path()
         points: Mapping[str, Floats] = {}
         for last in (False, True):
             measured = self._measured(measurements, path, points, last)
@@ -111,10 +112,26 @@ class Finder:
             monitor.note(str(error))
             return Asked(asked.path, self._with(asked.measurements, [], []))
 
-    def _first_path(self, measurements: RowMeasurements) -> Trajectory:
-        """By what single frames show."""
-        start, _ = first_poses(self.walked.request, measurements)
-        return self.plugin.locate(measurements.features[self.plugin.name], self.facts, start.world_from_rig[:, :3, :3])
+    def _first_path(self) -> Trajectory:
+        """The drive's path before the face; those of several passes laid on one another by what is found in each."""
+        paths = paths_before_face(self.walked, self.plugin)
+        if len(paths) == 1:
+            return paths[0]
+        found = [self._found(path) for path in paths]
+        main = int(np.argmax([len(objects) for objects in found]))
+        for number, objects in enumerate(found):
+            if number != main:
+                laid = laid_on(found[main], objects)
+                if laid is None:
+                    raise StructureError(
+                        f"row {self.facts.name}: passes {number + 1} and {main + 1} do not show enough of the same bays"
+                    )
+                paths[number] = moved(paths[number], laid)
+        return Trajectory.joined(paths)
+
+    def _found(self, path: Trajectory) -> list[FoundObject]:
+        """What a first look from a path finds."""
+        return self.plugin.find(lambda patch: self._gather(path, patch), path, {}, self.facts, None)
 
     def _measured(
         self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], exactly: bool

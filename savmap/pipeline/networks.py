@@ -19,11 +19,10 @@ from savmap.pipeline.view_plans import PassPlan, face_first, plan_views, preview
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
-from savmap.types import Floats, View, ViewPlan, ViewSpec
+from savmap.types import Floats, View, ViewPlan
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
-FRAMES = 6
 CLEARLY, MOST_LOST, LEAST_SHARE = 1.17, 0.8, 1e-3
 """A further network may be set to see faint things (logits raised in training): up to a sixth more of what both see
 well is no more seen."""
@@ -91,7 +90,7 @@ def with_best_network(
             continue
         if plugin.failure is not None or loaded is not plugin or not others:
             return plugin if plugin.failure is not None else loaded, planned
-        best = with_most_seen(candidate, others, few_views(planned.views, preview))
+        best = with_most_seen(candidate, others, [view for spec in planned.views for view in preview.views(spec)])
         return best[0], planned if best is candidate else plan(best)
     raise missed or StructureError(f"`{plugin.name}` finds no structure")
 
@@ -107,12 +106,6 @@ def with_most_seen(first: Candidate, others: Sequence[Path], views: Sequence[Vie
         if sees_more(shares, most):
             best, most = other, shares
     return best
-
-
-def few_views(specs: Sequence[ViewSpec], preview: PassPreview) -> list[View]:
-    """The views in a few key frames, evenly chosen."""
-    chosen = np.unique(np.linspace(0, len(preview.keys) - 1, FRAMES).astype(int))
-    return [preview.view(preview.keys[number], spec) for number in chosen for spec in specs]
 
 
 def seen(candidate: Candidate, views: Sequence[View]) -> Floats:

@@ -30,6 +30,7 @@ from savmap.types import (
 )
 from savmap.vision.evidence import FloorTracks, PackedView
 from savmap.vision.markers import MarkerTracks
+from savmap.vision.odometry import Followed
 
 Before = TypeVar("Before")
 After = TypeVar("After")
@@ -49,13 +50,15 @@ class FrameRecord:
 @dataclass(frozen=True, eq=False)
 class DriveFrame:
     """What a drive keeps of a frame for a run that is cut off: its time, a small grey picture (`packed_grey`) that
-    tells how the camera moves, how many frames of the video were decoded up to it, and up to which time none was
-    lost."""
+    tells how the camera moves, how many frames of the video were decoded up to it, up to which time none was lost, the
+    points that were followed to it, and whether it is a key frame."""
 
     stamp_s: float
     grey: bytes
     decoded: int
     whole_until_s: float
+    followed: Followed
+    is_key: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +69,8 @@ class RowMeasurements:
     against what was measured. `objects`: by plugin, what all frames together show, in the unit of `path`, which is
     up to scale. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many
     frames the decoder left out, as the notes say. `tones`: by frame and plugin, where it looked, which shares of its
-    views are dark, and overexposed."""
+    views are dark, and overexposed. `walked`: the poses of frames by odometry, those of each pass in a frame of its
+    own, in the unit of the face's distance."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]
@@ -83,13 +87,14 @@ class RowMeasurements:
     floor: FloorTracks = field(default_factory=FloorTracks)
     skipped: int = 0
     tones: Sequence[Mapping[str, tuple[float, float]]] = ()
+    walked: Trajectory | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
-    `path`: the camera's path where an earlier map gives it. `calibration`: what of the camera is estimated.
+    `path`: the camera's path where an earlier map gives it, and `path_s` the times of its frames. `calibration`: what of the camera is estimated.
     `appearance`: whether points of any kind help with the camera's motion. `strips`: whether strips of the frames are
     kept for an orthophoto; `stills`: whether panoramas are, to be looked at. `against`: mapped rows, by name, in one of
     which it is recognised.
@@ -101,6 +106,7 @@ class RowRequest:
     references: References
     travel_m: float | None = None
     path: Trajectory | None = None
+    path_s: frozenset[float] | None = None
     calibration: Calibration | None = None
     appearance: bool = False
     strips: bool = False

@@ -15,7 +15,6 @@ from savmap.maps.returning import recognition
 from savmap.maps.returning.frames import in_row
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
-from savmap.pipeline.other_paths import with_paths_of_others
 from savmap.pipeline.path import completed, first_poses
 from savmap.pipeline.recognising import NO_MARKS, assumed_length, bare, frame_references
 from savmap.pipeline.records import (
@@ -45,8 +44,7 @@ def measure(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) 
     """What the rows' pictures show: one walk over the pixels for all of them, then what the evidence of all frames
     together shows, measured in what was kept of each. A row that cannot be measured comes back as its error."""
     walked = walk(requests, journal, monitor)
-    measured = each(walked, lambda row: find_structures(row, monitor))
-    return with_paths_of_others(walked, measured, monitor)
+    return each(walked, lambda row: find_structures(row, monitor))
 
 
 def map_rows(measured: Sequence[MeasuredRow | SavmapError], monitor: Monitor) -> list[RowMap | SavmapError]:

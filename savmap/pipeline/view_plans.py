@@ -10,7 +10,7 @@ from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
 from savmap.types import Floats, MapWarning, ViewPlan, ViewSpec
-from savmap.video.reader import Clip, expected_frames, preview_frames, probe
+from savmap.video.reader import Clip, preview_frames
 from savmap.vision.view_planning import Manual, PassPreview
 from savmap.vision.views import Renderer
 
@@ -93,8 +93,7 @@ def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:
 
 def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:
     """What views are chosen by."""
-    frames = expected_frames(clip, probe(clip.path, clip.images_fps))
-    return PassPreview.of_frames(*preview_frames(clip), renderer=renderer, frames=frames)
+    return PassPreview.of_frames(*preview_frames(clip), renderer=renderer)
 
 
 def plan_views(

@@ -199,7 +199,7 @@ def _preview() -> "PassPreview":
     from savmap.vision.views import Renderer
 
     keys = tuple(_panorama(frame) for frame in (0, FRAMES // 2, FRAMES - 1))
-    return PassPreview(keys, (), Renderer(), LEVEL.T, FRAMES)
+    return PassPreview(keys, (), Renderer(), LEVEL.T)
 
 
 def _predict_nothing(view: View) -> list[Detection]:

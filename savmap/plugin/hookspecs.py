@@ -91,14 +91,6 @@ def track(features: Sequence[Feature], facts: RowFacts, attitudes: Floats, start
 
 
 @hookspec(firstresult=True)
-def locate(features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
-    """Evidence: where the camera was by what single frames show, up to scale, in a frame with the face at z = 0.
-
-    `attitudes` (n, 3, 3): world_from_rig, by edges of known direction. Asked of plugins that write `find` and find the
-    face, where no earlier map gives the path. Raises StructureError where the frames do not show a row."""
-
-
-@hookspec(firstresult=True)
 def find(
     gather: Callable[[PlanePatch], PlaneEvidence],
     path: Trajectory,

@@ -10,7 +10,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pluggy
 from pydantic import BaseModel
 
@@ -124,10 +123,6 @@ def _nothing(_: Mapping[str, Any]) -> list[Any]:
     return []
 
 
-def _nowhere(_: Mapping[str, Any]) -> Trajectory:
-    return Trajectory(np.zeros(0, np.int64), np.zeros((0, 4, 4)))
-
-
 def _no_survey(asked: Mapping[str, Any]) -> SurveyEntry:
     return SurveyEntry(
         {}, {structure.id: "its plugin reads no tables, drawings or models" for structure in asked["structures"]}
@@ -158,7 +153,6 @@ class LoadedPlugin(HookCaller):
     track = Hook(hookspecs.track, list[Track], checks.check_tracks)
     planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches, _nothing)
     find = Hook(hookspecs.find, list[FoundObject], checks.check_found, _nothing)
-    locate = Hook(hookspecs.locate, Trajectory, default=_nowhere)
     flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
     relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
     warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)

@@ -1,6 +1,6 @@
 """Records of a row while it is mapped: its frames, the camera's path and tracks of points."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,6 +68,12 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         require(self.world_from_rig.shape == (len(self.frames), 4, 4), self, "world_from_rig must be (n, 4, 4)")
+
+    @classmethod
+    def joined(cls, paths: "Sequence[Trajectory]") -> "Trajectory":
+        """Paths of different frames as one, without standard deviations."""
+        frames = np.concatenate([path.frames for path in paths])
+        return cls(frames, np.concatenate([path.world_from_rig for path in paths]))
 
 
 @dataclass(frozen=True, eq=False)

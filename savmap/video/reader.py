@@ -123,7 +123,7 @@ def sampled(
 
 
 def preview_frames(
-    clip: Clip, keys: int = 9, pairs: int = 3, max_height: int = 2048
+    clip: Clip, keys: int = 5, pairs: int = 3, max_height: int = 2048
 ) -> tuple[tuple[Panorama, ...], tuple[tuple[Panorama, Panorama], ...]]:
     """Evenly spaced key frames of a clip, and pairs of neighbouring samples, for planning views.
 

@@ -7,17 +7,18 @@ nearest. What moves by itself, or was taken for its neighbour, does not fit and 
 shows parallax. Each frame costs the same, and needs none of those that follow.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, reduce
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from savmap.geometry import pinhole
 from savmap.geometry.motion import AGREES, resected, two_views
 from savmap.geometry.sphere import rays_from_panorama_pixels
-from savmap.types import Bools, FilmedPanorama, Floats, Ints, Panorama, array_record
-from savmap.vision.flow import lucas_kanade
+from savmap.types import Bools, FilmedPanorama, Floats, Flow, Ints, Panorama, ViewSpec, array_record
 
 WIDTH, PAD = 1024, 96
 """Of the panorama that points are followed in, and of what of its other end is shown at each end."""
@@ -32,6 +33,9 @@ LEAST_POINTS, LEAST_SHARE = 12, 0.3
 FIRST_PARALLAX = float(np.radians(2.0))
 """Between the first two frames, beside what turning explains: the middle one of the points'."""
 KNOWN_PARALLAX = float(np.radians(1.0))
+WINDOW, STRIDE = 4, 2
+"""Frames of a row that a flow spans, and from the start of one to the start of the next."""
+PATCH_PX, HALVINGS = 21, 4
 
 Grey = NDArray[np.uint8]
 
@@ -110,8 +114,31 @@ class Follower:
             self._next += len(pixels)
 
 
+def lucas_kanade(a: Grey, b: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], Bools]:
+    """Where points of one picture are in another, and which (n,) were tracked there."""
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+        a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS
+    )
+    return moved, status.ravel() == 1
+
+
 def _wide(grey: Grey) -> Grey:
     return np.asarray(cv2.copyMakeBorder(grey, 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
+
+
+def flows(followed: Mapping[int, Followed], spec: ViewSpec) -> Iterator[Flow]:
+    """Points that were followed through `WINDOW` frames of a row, by the frames' numbers, where a view shows them in
+    all of these; a window begins every `STRIDE` frames."""
+    frames = sorted(followed)
+    for begin in range(0, len(frames) - WINDOW + 1, STRIDE):
+        window = frames[begin : begin + WINDOW]
+        shared = reduce(np.intersect1d, [followed[frame].numbers for frame in window])
+        rays = np.stack([followed[k].rays[np.isin(followed[k].numbers, shared)] for k in window], axis=1)
+        rays = rays @ spec.rig_from_view
+        pixels = pinhole.project(np.where(rays[..., 2:] > 0, rays, np.nan), spec.camera)
+        shown = ((pixels > 0) & (pixels < [spec.width - 1, spec.height - 1])).all(axis=(1, 2))
+        if shown.any():
+            yield Flow(np.array(window, np.int64), spec, pixels[shown])
 
 
 @dataclass(frozen=True, eq=False)

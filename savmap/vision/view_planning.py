@@ -17,7 +17,7 @@ from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.geometry.vanishing import RIG_FORWARD, RIG_UP, facing, manhattan_from_segments
 from savmap.types import Floats, Panorama, View, ViewSpec, array_record
-from savmap.vision.flow import lucas_kanade
+from savmap.vision.odometry import lucas_kanade
 from savmap.vision.views import Renderer
 
 CORNERS = 300
@@ -43,8 +43,8 @@ LEVEL: Floats = np.diag([1.0, -1.0, -1.0])
 UPWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 DOWNWARDS: Floats = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 STEEPEST_TILT_DEG = 60.0
-FEW = 5
-ENOUGH_FRAMES = 100
+FEW = 3
+"""Key frames that are asked which way the face lies."""
 Extent = Callable[[View], tuple[float, float] | None]
 Count = Callable[[View], int]
 SMALLEST_HFOV_DEG, LARGEST_HFOV_DEG = 60.0, 155.0
@@ -75,15 +75,6 @@ def travel_directions(
     first = int(np.sign(along)) if abs(along) > max(least, ALONG_OVER_ACROSS * abs(across)) else 0
     second = int(np.sign(across)) if abs(across) > max(least, ALONG_OVER_ACROSS * abs(along)) else 0
     return first, second, -first, -second
-
-
-def parallax_rad(pairs: Sequence[tuple[Panorama, Panorama]], spec: ViewSpec, renderer: Renderer) -> float:
-    """The angle by which objects straight ahead move in a view across the way from one used frame to the next; nan if
-    unknown."""
-    view = _turned(spec, 0.0)
-    shifts = np.abs([_shift(pair, view, renderer) for pair in pairs])
-    finite = shifts[np.isfinite(shifts)]
-    return float(np.median(finite) / view.camera[0, 0]) if len(finite) else float("nan")
 
 
 def _motion(shifts: Floats) -> Floats:
@@ -141,13 +132,12 @@ class Manual:
 @array_record
 class PassPreview:
     """What views are planned from: key frames `keys` over a pass, `pairs` of close frames, and the building's axes
-    `rig_from_manhattan` (3, 3). `frames` is roughly how many frames of the pass will be used; 0: not known."""
+    `rig_from_manhattan` (3, 3)."""
 
     keys: tuple[Panorama, ...]
     pairs: tuple[tuple[Panorama, Panorama], ...]
     renderer: Renderer
     rig_from_manhattan: Floats
-    frames: int = 0
 
     @classmethod
     def of_frames(
@@ -155,16 +145,10 @@ class PassPreview:
         keys: Sequence[Panorama],
         pairs: Sequence[tuple[Panorama, Panorama]] = (),
         renderer: Renderer | None = None,
-        frames: int = 0,
     ) -> "PassPreview":
         """Find the building's axes in the key frames. Raises StructureError where none stand out."""
         renderer = renderer or Renderer()
-        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_evenly(keys), renderer), frames)
-
-    def frame_step(self, most: float = np.inf) -> int:
-        """`ViewSpec.every` for a long pass: 1, 2 or 4 (so that plugins use the same frames), `most` at most, such that
-        a hundred frames or more are used."""
-        return next((every for every in (4, 2) if every <= most and self.frames >= every * ENOUGH_FRAMES), 1)
+        return cls(tuple(keys), tuple(pairs), renderer, manhattan(_evenly(keys), renderer))
 
     @cached_property
     def view(self) -> Callable[[Panorama, ViewSpec], View]:

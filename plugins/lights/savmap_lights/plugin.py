@@ -23,7 +23,7 @@ Point = tuple[float, float, float]
 class Settings(door.PluginSettings):
     """Settings of the plugin in a site file."""
 
-    every: Annotated[int, Field(gt=0)] | None = None
+    every: Annotated[int, Field(gt=0)] = 1
     """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass
     of 200 frames, four from 400 on."""
     line: bool = False
@@ -89,8 +89,9 @@ class Lights:
         attitude: Floats | None,
     ) -> door.ViewPlan:
         """Straight up, as narrow as shows two lamps. Paper, section III.B."""
-        every = self.config.every or pass_preview.frame_step()
-        return door.count_view_plan(pass_preview, predict, manual, attitude, "ceiling", door.UPWARDS, every=every)
+        return door.count_view_plan(
+            pass_preview, predict, manual, attitude, "ceiling", door.UPWARDS, every=self.config.every
+        )
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection]) -> list[Feature]:

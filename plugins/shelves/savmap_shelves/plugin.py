@@ -82,14 +82,13 @@ class Shelves:
         side: Literal["left", "right"] | None,
         manual: "Mapping[str, Manual]",
     ) -> ViewPlan:
-        from savmap_shelves.views import aim_at_face, frame_interval
+        from savmap_shelves.views import aim_at_face
 
         def extract(view: View, detections: Sequence[Detection]) -> list[Feature]:
             return self.extract_features(view, detections, None)
 
         aim = aim_at_face(pass_preview, predict, extract, side, manual)
-        interval = self.config.every or frame_interval(pass_preview, aim.views[0])
-        return replace(aim, views=tuple(replace(view, every=interval) for view in aim.views))
+        return replace(aim, views=tuple(replace(view, every=self.config.every) for view in aim.views))
 
     @hookimpl
     def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
@@ -97,12 +96,6 @@ class Shelves:
 
         pixels = panorama if self.config.subpixel else None
         return extract_features(view, detections, panorama=pixels, parts=self.config.plumb)
-
-    @hookimpl
-    def locate(self, features: Sequence[Feature], facts: RowFacts, attitudes: Floats) -> Trajectory:
-        from savmap_shelves.locate import locate
-
-        return locate(features, facts, attitudes)
 
     @hookimpl
     def find(

@@ -21,7 +21,6 @@ from savmap.vision.view_planning import (
     choose_face,
     fit_count,
     fit_height,
-    parallax_rad,
     tilted,
 )
 
@@ -30,7 +29,6 @@ Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
 MOST_FRAMES = 0.6
 CACHED_VIEWS = 20
-LARGEST_STEP_RAD = 0.13
 SEEN_TOO = 0.3
 """A face on the other hand that scores so large a share of the best one's is a rack, too."""
 HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
@@ -70,15 +68,6 @@ def which_hand(face: Face, side: Side | None) -> tuple[str, ...]:
         f"there are racks on both sides; the one on the {face.hand} of the way is mapped; "
         f"`--side {other}`, in a site file `side: {other}`, maps the other",
     )
-
-
-def frame_interval(pass_preview: PassPreview, spec: ViewSpec) -> int:
-    """How many frames apart the view is measured: 4 or 2 in a long pass that is slow, else 1.
-
-    Neighbouring frames of a slow pass show much the same, errors included, and add next to nothing to the map.
-    """
-    step = parallax_rad(pass_preview.pairs, spec, pass_preview.renderer)
-    return pass_preview.frame_step(LARGEST_STEP_RAD / step if step else np.inf)
 
 
 def cached(predict: Predict) -> Predict:

@@ -67,11 +67,12 @@ class Signs:
         from savmap_signs.reading import missing_packages_note
 
         rig_from_world = attitude.T if attitude is not None else pass_preview.rig_from_manhattan
-        interval = self.config.every or pass_preview.frame_step()
         directions = FACE_VIEWS_DEG | (AISLE_VIEWS_DEG if self.config.along else {})
         turns = {name: rig_from_view(yaw, pitch, 0.0) for name, (yaw, pitch) in directions.items()}
         specs = [
-            ViewSpec(name, *angles_from_rotation(rig_from_world @ LEVEL @ turn), hfov_deg=HFOV_DEG, every=interval)
+            ViewSpec(
+                name, *angles_from_rotation(rig_from_world @ LEVEL @ turn), hfov_deg=HFOV_DEG, every=self.config.every
+            )
             for name, turn in turns.items()
         ]
         note = missing_packages_note() if self.config.read else None

@@ -1,0 +1,100 @@
+"""The camera's first path before a face, up to scale: the drive's own, laid before the face.
+
+The drive is known up to a similarity. Edges whose axis is known tell how the row's frame is turned, frame by frame; the
+middle of these turns is the path's. How far the face is from it, and to a degree which way it runs, is where the
+evidence of all frames is sharpest on the face's plane: at any other distance parallax smears it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from savmap.errors import StructureError
+from savmap.pipeline.path import attitudes_of
+from savmap.pipeline.records import WalkedRow
+from savmap.plugin.manager import LoadedPlugin
+from savmap.types import Floats, Trajectory
+from savmap.vision.evidence import gather, upright_patch
+
+LEAST_TRAVEL, LEAST_FRAMES = 0.2, 3
+"""Along the face, in distances from it."""
+MOST_FRAMES = 24
+"""That tell the distance."""
+RATIOS, FINE = np.geomspace(0.3, 3.0, 58), np.geomspace(0.97, 1.03, 7)
+"""Distances that are tried, as shares of that of the points before the face, and then of the best of these."""
+TURNS_DEG = np.linspace(-1.0, 1.0, 9)
+CELL = 0.025
+"""The side of a cell, as a share of the distance."""
+ROUNDS, CLOSE_DEG = 10, 0.2
+
+
+def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
+    """The path of each pass before the face z = 0 that a plugin sees, in the unit of the camera's distance from it, its
+    places on the face each in a frame of its own. Raises StructureError where a pass has no path, or hardly moves, or
+    the attitudes are not known."""
+    name, frames, walked = row.request.name, row.measurements.facts.frames, row.measurements.walked
+    attitudes = attitudes_of(row.measurements)
+    paths = list[Trajectory]()
+    for row_pass in dict.fromkeys(frames.passes):
+        here = np.isin(walked.frames, frames.of_pass(row_pass)) if walked is not None else np.zeros(0, np.bool_)
+        if walked is None or here.sum() < LEAST_FRAMES:
+            raise StructureError(
+                f"row {name}, {row_pass}: the camera's path is not known, for too few points could be followed from "
+                f"frame to frame; film more slowly, in better light, or give more frames a second"
+            )
+        path = Trajectory(walked.frames[here], walked.world_from_rig[here])
+        paths.append(_before_face(row, plugin, path, attitudes[path.frames]))
+        travelled = float(np.ptp(paths[-1].world_from_rig[:, 0, 3]) / np.median(paths[-1].world_from_rig[:, 2, 3]))
+        if travelled < LEAST_TRAVEL:
+            raise StructureError(
+                f"row {name}: too little motion: the camera moved {travelled:.2f} of its distance from the face"
+                f" ({LEAST_TRAVEL} are needed)"
+            )
+    return paths
+
+
+def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitudes: Floats) -> Trajectory:
+    """A path that is turned as attitudes (n, 3, 3) of its frames say, at the distance at which the evidence is
+    sharpest."""
+    turn = Rotation.from_matrix(_middle(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
+    few = np.unique(np.linspace(0, len(path.frames) - 1, MOST_FRAMES).astype(int))
+    some = Trajectory(path.frames[few], path.world_from_rig[few])
+
+    def sharpness(way: tuple[float, Rotation]) -> float:
+        return _sharpness(row, plugin, _moved(some, way[1], way[0]))
+
+    distance, _ = max(((ratio, turn) for ratio in RATIOS.tolist()), key=sharpness)
+    tried = [
+        (distance * factor, Rotation.from_euler("y", angle, degrees=True) * turn)
+        for factor in FINE.tolist()
+        for angle in TURNS_DEG.tolist()
+    ]
+    distance, turn = max(tried, key=sharpness)
+    return _moved(path, turn, distance)
+
+
+def _middle(turns: Floats) -> Floats:
+    """The rotation (3, 3) amid rotations (n, 3, 3): the sum of the angles to it is least."""
+    middle = Rotation.from_matrix(turns).mean()
+    for _ in range(ROUNDS):
+        off = (Rotation.from_matrix(turns) * middle.inv()).magnitude()
+        middle = Rotation.from_matrix(turns).mean(1 / (off + np.radians(CLOSE_DEG)))
+    return np.asarray(middle.as_matrix())
+
+
+def _moved(path: Trajectory, turn: Rotation, distance: float) -> Trajectory:
+    """A path that is turned, so far before z = 0 in its middle."""
+    poses = path.world_from_rig.copy()
+    poses[:, :3, :3] = turn.as_matrix() @ poses[:, :3, :3]
+    places: Floats = turn.apply(poses[:, :3, 3])
+    poses[:, :3, 3] = places - [0.0, 0.0, float(np.median(places[:, 2])) - distance]
+    return replace(path, world_from_rig=poses)
+
+
+def _sharpness(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory) -> float:
+    """How sharp the evidence is on the plane z = 0: the mean of the scores, weighted by themselves."""
+    facts = row.measurements.facts
+    patch = upright_patch(path, facts, CELL)
+    evidence = gather(patch, plugin.classes, row.packed_views[plugin.name], facts.views, path)
+    return float(np.square(evidence.mean).sum() / max(float(evidence.mean.sum()), 1e-9))
