@@ -23,7 +23,7 @@ def two_views(first: Floats, second: Floats, sigma: float, seed: int = 0) -> tup
     essential, agrees = _best_sample(products, first, second, sigma, seed)
     left, _, right = np.linalg.svd(essential)
     turns = [turn * np.sign(np.linalg.det(turn)) for turn in (left @ QUARTER @ right, left @ QUARTER.T @ right)]
-    options = [(turn, sign * left[:, 2]) for turn in turns for sign in (1.0, -1.0)]
+    options = [(turn, way * left[:, 2]) for turn in turns for way in (1.0, -1.0)]
     turn, towards = max(options, key=lambda option: int((_in_front(first, second, *option) & agrees).sum()))
     turn, towards = _refined(first[agrees], second[agrees], sigma, turn, towards)
     agrees = (np.abs(_off_plane(first, second, turn, towards)) < AGREES * sigma) & _in_front(
@@ -73,8 +73,8 @@ def _refined(first: Floats, second: Floats, sigma: float, turn: Floats, towards:
     def off(change: Floats) -> Floats:
         return _off_plane(first, second, *moved(change)) / sigma
 
-    found = least_squares(off, np.zeros(5), loss="soft_l1", f_scale=2.0)
-    return moved(found.x)
+    fitted = least_squares(off, np.zeros(5), loss="soft_l1", f_scale=2.0)
+    return moved(fitted.x)
 
 
 def resected(points: Floats, rays: Floats, start: Floats, sigma: float) -> tuple[Floats, Floats, Floats]:

@@ -247,7 +247,8 @@ def mapped_rows(job: Job, row: str) -> Mapping[str, RowMap]:
 
 
 def earlier_row(job: Job, row: str) -> RowMap | None:
-    """The row in an earlier map, whose path of the camera is used, if the job has one. Raises SiteError where that has no such row."""
+    """The row in an earlier map, whose path of the camera is used, if the job has one. Raises SiteError where that has
+    no such row."""
     from savmap.maps.map_file import read_map  # loads the JSON Schema's library, which few runs need
 
     if job.earlier is None:

@@ -1,8 +1,8 @@
 """What all frames show together: objects on planes, found in their evidence, and measured in every frame at their
 places.
 
-The drive's path is roughly that of the camera before the face, so that the networks' scores of all frames add up on the planes that structures lie in.
-A plugin finds its objects there, each with the probability that it exists. Their edges are then measured in the strips
+The drive's path is roughly the camera's before the face, so that the networks' scores of all frames add up on the
+planes that structures lie in. A plugin finds its objects there, each with the probability that it exists. Their edges are then measured in the strips
 that the drive kept of the frames, and the path is solved; a second round finds and measures with that path.
 """
 
@@ -117,11 +117,11 @@ class Finder:
         paths = paths_before_face(self.walked, self.plugin)
         if len(paths) == 1:
             return paths[0]
-        found = [self._found(path) for path in paths]
-        main = int(np.argmax([len(objects) for objects in found]))
-        for number, objects in enumerate(found):
+        of_pass = [self._found(path) for path in paths]
+        main = int(np.argmax([len(objects) for objects in of_pass]))
+        for number, objects in enumerate(of_pass):
             if number != main:
-                laid = laid_on(found[main], objects)
+                laid = laid_on(of_pass[main], objects)
                 if laid is None:
                     raise StructureError(
                         f"row {self.facts.name}: passes {number + 1} and {main + 1} do not show enough of the same bays"

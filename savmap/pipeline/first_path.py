@@ -41,7 +41,7 @@ def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
         if walked is None or here.sum() < LEAST_FRAMES:
             raise StructureError(
                 f"row {name}, {row_pass}: the camera's path is not known, for too few points could be followed from "
-                f"frame to frame; film more slowly, in better light, or give more frames a second"
+                f"frame to frame; film more slowly, where it is brighter, or give more frames a second"
             )
         path = Trajectory(walked.frames[here], walked.world_from_rig[here])
         paths.append(_before_face(row, plugin, path, attitudes[path.frames]))

@@ -93,10 +93,10 @@ class Follower:
 
     def _move(self, last: Grey, wide: Grey) -> None:
         begin = (self._pixels + np.array([PAD, 0], np.float32))[:, None]
-        there, ok = lucas_kanade(last, wide, begin)
-        back, ok_back = lucas_kanade(wide, last, there)
+        moved, ok = lucas_kanade(last, wide, begin)
+        back, ok_back = lucas_kanade(wide, last, moved)
         good = ok & ok_back & (np.linalg.norm(back - begin, axis=2)[:, 0] < MOST_RETURN_PX)
-        pixels = there[good, 0]
+        pixels = moved[good, 0]
         pixels[:, 0] = (pixels[:, 0] - PAD) % WIDTH
         self._numbers, self._pixels = self._numbers[good], pixels
 
@@ -171,9 +171,9 @@ class _Points:
 
     def only(self, numbers: Ints) -> "_Points":
         """With these numbers alone, in rising order; those that are new have no rays yet."""
-        known = np.searchsorted(self.numbers, numbers)
+        at = np.searchsorted(self.numbers, numbers)
         old = (
-            (known < len(self.numbers)) & (self.numbers[np.minimum(known, len(self.numbers) - 1)] == numbers)
+            (at < len(self.numbers)) & (self.numbers[np.minimum(at, len(self.numbers) - 1)] == numbers)
             if len(self.numbers)
             else np.zeros(len(numbers), np.bool_)
         )
@@ -181,7 +181,7 @@ class _Points:
             numbers, np.zeros((len(numbers), 3, 3)), np.zeros((len(numbers), 3)), np.zeros(len(numbers), np.int64)
         )
         for mine, others in ((points.across, self.across), (points.at, self.at), (points.rays, self.rays)):
-            mine[old] = others[known[old]]
+            mine[old] = others[at[old]]
         return points
 
     def add(self, chosen: Bools, rays: Floats, place: Floats) -> None:
@@ -192,7 +192,7 @@ class _Points:
         self.rays[chosen] += 1
 
     @property
-    def known(self) -> Bools:
+    def placed(self) -> Bools:
         """Which points (n,) show enough parallax."""
         least = np.linalg.eigvalsh(self.across)[:, 0] / np.maximum(self.rays, 1)
         return np.asarray((self.rays > 1) & (least > (KNOWN_PARALLAX / 2) ** 2))
@@ -233,8 +233,7 @@ class Odometry:
     @property
     def places(self) -> Floats:
         """Where the points are (n, 3) that were followed to the latest frame and are known, in the path's frame."""
-        known = self._points.known
-        return self._points.places()[known]
+        return self._points.places()[self._points.placed]
 
     def take(self, followed: Followed) -> Ints:
         """Take the next frame; the numbers of points that are to be followed no more, for they do not fit."""
@@ -275,12 +274,12 @@ class Odometry:
         waiting, self._waiting = self._waiting, []
         first = len(self._poses) - len(waiting)
         self._points = _Points().only(np.union1d(waiting[0].numbers, waiting[-1].numbers))
-        for frame, followed, placed in ((first, waiting[0], np.eye(4)), (first + len(waiting) - 1, waiting[-1], pose)):
-            self._keep(frame, placed, np.zeros(6))
+        for frame, followed, at in ((first, waiting[0], np.eye(4)), (first + len(waiting) - 1, waiting[-1], pose)):
+            self._keep(frame, at, np.zeros(6))
             here = np.isin(self._points.numbers, followed.numbers)
             rays = np.zeros((len(here), 3))
-            rays[here] = followed.rays[np.isin(followed.numbers, self._points.numbers)] @ placed[:3, :3].T
-            self._points.add(here & (np.isin(self._points.numbers, numbers) | (frame != first)), rays, placed[:3, 3])
+            rays[here] = followed.rays[np.isin(followed.numbers, self._points.numbers)] @ at[:3, :3].T
+            self._points.add(here & (np.isin(self._points.numbers, numbers) | (frame != first)), rays, at[:3, 3])
         points = self._points
         for number, followed in enumerate(waiting[1:-1], first + 1):
             self._place(number, followed)
@@ -291,16 +290,16 @@ class Odometry:
         """Place a frame by the points that are known, and add its rays to them; the points that do not fit. None where
         too few agree."""
         points = self._points.only(followed.numbers)
-        known, places, rays = points.known, points.places(), followed.rays
-        if known.sum() < LEAST_POINTS:
+        placed, places, rays = points.placed, points.places(), followed.rays
+        if placed.sum() < LEAST_POINTS:
             return None
-        pose, covariance, off = resected(places[known], rays[known], self._predicted(frame), SIGMA)
+        pose, covariance, off = resected(places[placed], rays[placed], self._predicted(frame), SIGMA)
         fits = off < AGREES * SIGMA
-        if fits.sum() < max(LEAST_POINTS, LEAST_SHARE * known.sum()):
+        if fits.sum() < max(LEAST_POINTS, LEAST_SHARE * placed.sum()):
             return None
         self._keep(frame, pose, np.diag(covariance))
         good = np.ones(len(rays), np.bool_)
-        good[known] = fits
+        good[placed] = fits
         points.add(good, rays @ pose[:3, :3].T, pose[:3, 3])
         self._points = points.only(points.numbers[good])
         return points.numbers[~good]
