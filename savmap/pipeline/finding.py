@@ -2,8 +2,9 @@
 places.
 
 The drive's path is roughly the camera's before the face, so that the networks' scores of all frames add up on the
-planes that structures lie in. A plugin finds its objects there, each with the probability that it exists. Their edges are then measured in the strips
-that the drive kept of the frames, and the path is solved; a second round finds and measures with that path.
+planes that structures lie in. A plugin finds its objects there, each with the probability that it exists. Their edges
+are then measured in the strips that the drive kept of the frames, and the path is solved; a second round finds and
+measures with that path.
 """
 
 from collections import defaultdict

@@ -95,9 +95,9 @@ class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
     `path`: the camera's path where an earlier map gives it, and `path_s` the times of its frames. `calibration`: what
-    of the camera is estimated. `appearance`: whether points of any kind help with the camera's motion. `strips`: whether strips of the frames are
-    kept for an orthophoto; `stills`: whether panoramas are, to be looked at. `against`: mapped rows, by name, in one of
-    which it is recognised.
+    of the camera is estimated. `appearance`: whether points of any kind help with the camera's motion. `strips`:
+    whether strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
+    `against`: mapped rows, by name, in one of which it is recognised.
     """
 
     name: str

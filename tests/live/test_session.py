@@ -36,6 +36,7 @@ from savmap.live.session import STATE, LiveMapping, LiveState, end_told
 from savmap.live.sources import live_job, recorded_job, recordings
 from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.key_frames import KeyFrames
 from savmap.pipeline.records import FrameRecord
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
@@ -105,6 +106,12 @@ class FakeMapper:
 
     def close(self) -> None:
         self.closed = True
+
+
+@pytest.fixture(autouse=True)
+def every_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every frame is a key frame: the pictures show noise, in which nothing can be followed."""
+    monkeypatch.setattr(KeyFrames, "is_key", lambda *_: True)
 
 
 @pytest.fixture
