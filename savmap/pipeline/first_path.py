@@ -5,6 +5,7 @@ middle of these turns is the path's. How far the face is from it, and to a degre
 evidence of all frames is sharpest on the face's plane: at any other distance parallax smears it.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from savmap.pipeline.path import attitudes_of
 from savmap.pipeline.records import WalkedRow
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Floats, Trajectory
-from savmap.vision.evidence import gather, upright_patch
+from savmap.vision.evidence import sharpness, upright_patch
+from savmap.vision.networks.segmenter import Probabilities
 
 LEAST_TRAVEL, LEAST_FRAMES = 0.2, 3
 """Along the face, in distances from it."""
@@ -27,6 +29,8 @@ TURNS_DEG = np.linspace(-1.0, 1.0, 9)
 CELL = 0.025
 """The side of a cell, as a share of the distance."""
 ROUNDS, CLOSE_DEG = 10, 0.2
+Way = tuple[float, Rotation]
+"""A distance from the face, and a turn."""
 
 
 def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
@@ -58,19 +62,24 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
     """A path that is turned as attitudes (n, 3, 3) of its frames say, at the distance at which the evidence is
     sharpest."""
     turn = Rotation.from_matrix(_middle(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
+    facts, packed = row.measurements.facts, row.packed_views[plugin.name]
     few = np.unique(np.linspace(0, len(path.frames) - 1, MOST_FRAMES).astype(int))
     some = Trajectory(path.frames[few], path.world_from_rig[few])
+    maps = {(item.frame, item.view): item.probabilities() for item in packed if item.frame in some.frames}
+    halved = {key: maps[key] for key in [*maps][::2]}
 
-    def sharpness(way: tuple[float, Rotation]) -> float:
-        return _sharpness(row, plugin, _moved(some, way[1], way[0]))
+    def sharpest(ways: Iterable[Way], shown: Mapping[tuple[int, str], Probabilities]) -> Way:
+        def sharp(way: Way) -> float:
+            tried = _moved(some, way[1], way[0])
+            return sharpness(upright_patch(tried, facts, CELL), shown, facts.views, tried)
 
-    distance, _ = max(((ratio, turn) for ratio in RATIOS.tolist()), key=sharpness)
-    tried = [
-        (distance * factor, Rotation.from_euler("y", angle, degrees=True) * turn)
-        for factor in FINE.tolist()
-        for angle in TURNS_DEG.tolist()
-    ]
-    distance, turn = max(tried, key=sharpness)
+        return max(ways, key=sharp)
+
+    distance, _ = sharpest(((ratio, turn) for ratio in RATIOS.tolist()), halved)
+    for _ in range(2):
+        turns = [Rotation.from_euler("y", angle, degrees=True) * turn for angle in TURNS_DEG.tolist()]
+        distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
+        _, turn = sharpest(((distance, turned) for turned in turns), maps)
     return _moved(path, turn, distance)
 
 
@@ -90,11 +99,3 @@ def _moved(path: Trajectory, turn: Rotation, distance: float) -> Trajectory:
     places: Floats = turn.apply(poses[:, :3, 3])
     poses[:, :3, 3] = places - [0.0, 0.0, float(np.median(places[:, 2])) - distance]
     return replace(path, world_from_rig=poses)
-
-
-def _sharpness(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory) -> float:
-    """How sharp the evidence is on the plane z = 0: the mean of the scores, weighted by themselves."""
-    facts = row.measurements.facts
-    patch = upright_patch(path, facts, CELL)
-    evidence = gather(patch, plugin.classes, row.packed_views[plugin.name], facts.views, path)
-    return float(np.square(evidence.mean).sum() / max(float(evidence.mean.sum()), 1e-9))

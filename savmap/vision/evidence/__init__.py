@@ -3,7 +3,7 @@
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.detections import Outlined, features_of, found_detections, outlines_in
 from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_before, floor_height, floor_tracks
-from savmap.vision.evidence.planes import PackedView, gather, upright_patch
+from savmap.vision.evidence.planes import PackedView, gather, sharpness, upright_patch
 
 __all__ = [
     "FloorHeight",
@@ -18,5 +18,6 @@ __all__ = [
     "found_detections",
     "gather",
     "outlines_in",
+    "sharpness",
     "upright_patch",
 ]

@@ -110,8 +110,23 @@ def gather(
     )
     sums = _Sums(patch, len(classes))
     for index in chosen:
-        sums.add(located[index], views[located[index].view], poses[located[index].frame])
+        packed_view = located[index]
+        seen = packed_view.probabilities(), packed_view.image()
+        sums.add(*seen, views[packed_view.view], poses[packed_view.frame])
     return sums.evidence(tuple(classes))
+
+
+def sharpness(
+    patch: PlanePatch, maps: Mapping[tuple[int, str], Singles], views: Mapping[str, ViewSpec], path: Trajectory
+) -> float:
+    """How sharp the evidence of maps (classes, h, w), by frame and view, is on a plane: the mean of the scores in all
+    cells, weighted by themselves. Greatest where the plane is that of what the network saw."""
+    poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
+    sums = _Sums(patch, len(next(iter(maps.values()))))
+    for (frame, name), probabilities in maps.items():
+        sums.add(probabilities, None, views[name], poses[frame])
+    mean = sums.total / np.maximum(sums.weight, 1e-9)
+    return float(np.square(mean).sum() / max(float(mean.sum()), 1e-9))
 
 
 class _Sums:
@@ -122,8 +137,9 @@ class _Sums:
         self.total, self.weight = np.zeros((classes, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
         self.picture, self.sharpness = np.zeros((3, *patch.shape), np.float32), np.zeros(patch.shape, np.float32)
 
-    def add(self, packed_view: PackedView, view: ViewSpec, world_from_rig: Floats) -> None:
-        """Add a view from a camera at a known pose, where it shows the patch."""
+    def add(self, maps: Singles, image: Bytes | None, view: ViewSpec, world_from_rig: Floats) -> None:
+        """Add a view from a camera at a known pose, where it shows the patch: maps (classes, height / 2, width / 2),
+        and the picture (height, width, 3), if it is wanted."""
         place, pixels_from_patch = placed(self.patch, view, world_from_rig)
         low, high = _shown(pixels_from_patch, self.patch.heights, view)
         reach = REACH * abs(float(place[2]))
@@ -137,13 +153,15 @@ class _Sums:
         across = self.patch.across[columns]
         weight = _weights(across, self.patch.heights, place) * ((low[:, None] < across) & (across < high[:, None]))
         cells = self.patch.cell * np.array([[1, 0, first + 0.5], [0, -1, len(low) - 0.5], [0, 0, 1 / self.patch.cell]])
-        sharpness = np.square(weight)
         self.weight[:, columns] += weight
-        self.sharpness[:, columns] += sharpness
-        for total, probability in zip(self.total, packed_view.probabilities(), strict=True):
+        for total, probability in zip(self.total, maps, strict=True):
             laid = _laid(probability, HALVED_FROM_PIXELS @ pixels_from_patch @ cells, weight.shape)
             cv2.accumulateProduct(weight, laid, total[:, columns])
-        for total, colour in zip(self.picture, np.moveaxis(packed_view.image(), 2, 0), strict=True):
+        if image is None:
+            return
+        sharpness = np.square(weight)
+        self.sharpness[:, columns] += sharpness
+        for total, colour in zip(self.picture, np.moveaxis(image, 2, 0), strict=True):
             laid = _laid(colour.astype(np.float32), pixels_from_patch @ cells, weight.shape)
             cv2.accumulateProduct(sharpness, laid, total[:, columns])
 
