@@ -6,6 +6,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.geometry.arrays import Floats, Ints
 
+ROUNDS, CLOSE_RAD = 10, float(np.radians(0.2))
+
 
 def poses_at(wanted: Floats | Ints, given: Floats | Ints, poses: Floats) -> Floats:
     """Transforms (m, 4, 4) at times or frame numbers `wanted` (m,) from `poses` (n, 4, 4) at those `given` (n,), in
@@ -31,3 +33,14 @@ def columns_at(wanted: Floats | Ints, given: Floats | Ints, values: Floats) -> F
     """Values (m, k), interpolated linearly, at times or frame numbers `wanted` (m,) from `values` (n, k) at those
     `given` (n,)."""
     return np.stack([np.interp(wanted, given, column) for column in values.T], axis=1)
+
+
+def middle_rotation(rotations: Floats) -> Floats:
+    """The rotation (3, 3) amid rotations (n, 3, 3): the sum of the angles to it is least, so that outliers count
+    little."""
+    turns = Rotation.from_matrix(rotations)
+    middle = turns.mean()
+    for _ in range(ROUNDS):
+        off = np.atleast_1d((turns * middle.inv()).magnitude())
+        middle = turns.mean(1 / (off + CLOSE_RAD))
+    return np.asarray(middle.as_matrix())

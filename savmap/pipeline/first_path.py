@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
+from savmap.geometry.poses import middle_rotation
 from savmap.pipeline.path import attitudes_of
 from savmap.pipeline.records import WalkedRow
 from savmap.plugin.manager import LoadedPlugin
@@ -28,7 +29,6 @@ RATIOS, FINE = np.geomspace(0.3, 3.0, 58), np.geomspace(0.97, 1.03, 7)
 TURNS_DEG = np.linspace(-1.0, 1.0, 9)
 CELL = 0.025
 """The side of a cell, as a share of the distance."""
-ROUNDS, CLOSE_DEG = 10, 0.2
 Way = tuple[float, Rotation]
 """A distance from the face, and a turn."""
 
@@ -61,7 +61,7 @@ def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
 def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitudes: Floats) -> Trajectory:
     """A path that is turned as attitudes (n, 3, 3) of its frames say, at the distance at which the evidence is
     sharpest."""
-    turn = Rotation.from_matrix(_middle(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
+    turn = Rotation.from_matrix(middle_rotation(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
     facts, packed = row.measurements.facts, row.packed_views[plugin.name]
     few = np.unique(np.linspace(0, len(path.frames) - 1, MOST_FRAMES).astype(int))
     some = Trajectory(path.frames[few], path.world_from_rig[few])
@@ -81,15 +81,6 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
         distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
         _, turn = sharpest(((distance, turned) for turned in turns), maps)
     return _moved(path, turn, distance)
-
-
-def _middle(turns: Floats) -> Floats:
-    """The rotation (3, 3) amid rotations (n, 3, 3): the sum of the angles to it is least."""
-    middle = Rotation.from_matrix(turns).mean()
-    for _ in range(ROUNDS):
-        off = (Rotation.from_matrix(turns) * middle.inv()).magnitude()
-        middle = Rotation.from_matrix(turns).mean(1 / (off + np.radians(CLOSE_DEG)))
-    return np.asarray(middle.as_matrix())
 
 
 def _moved(path: Trajectory, turn: Rotation, distance: float) -> Trajectory:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap import graph
 from savmap.errors import StructureError
+from savmap.geometry.poses import middle_rotation
 from savmap.graph import CameraPriors, References, camera_priors, published_start
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
@@ -20,7 +21,7 @@ from savmap.vision.attitude import attitudes
 SPEED_MPS = 1.0
 HEIGHT_M = 2.5
 DISTANCE_M = 1.5
-NEXT = 3
+NEXT, LEAST_PLACED = 3, 3
 
 
 def first_poses(row: RowRequest, measurements: RowMeasurements) -> tuple[Trajectory, CameraPriors]:
@@ -31,18 +32,36 @@ def first_poses(row: RowRequest, measurements: RowMeasurements) -> tuple[Traject
 
 
 def initial_path(row: RowRequest, measurements: RowMeasurements) -> Trajectory:
-    """First poses: the earlier map's, or attitudes from the pictures with positions as published (paper, "Constrained
-    SfM"): constant speed along x over the approximate travel, at the camera's height, before the face."""
+    """First poses: the earlier map's, or attitudes from the pictures and the drive's places, scaled to the approximate
+    travel, at the camera's height, before the face; of frames that have no place there, as published (paper,
+    "Constrained SfM"): at constant speed along x."""
     if row.path is not None:
         return checked_path(row.name, row.path, len(measurements.facts.frames))
     stamps = measurements.facts.frames.stamps_s
-    return published_start(
-        measurements.facts,
-        attitudes_of(measurements),
-        length_m=row.travel_m or SPEED_MPS * float(np.ptp(stamps)),
-        height_m=row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M,
-        distance_m=DISTANCE_M,
-    )
+    length_m = row.travel_m or SPEED_MPS * float(np.ptp(stamps))
+    height_m = row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M
+    start = published_start(measurements.facts, attitudes_of(measurements), length_m, height_m, DISTANCE_M)
+    return start if measurements.walked is None else _as_walked(start, measurements.walked, measurements.facts.frames)
+
+
+def _as_walked(start: Trajectory, walked: Trajectory, frames: FrameTable) -> Trajectory:
+    """First poses with the places of the frames that have one in the drive, each pass as long as at first."""
+    poses = start.world_from_rig.copy()
+    for row_pass in dict.fromkeys(frames.passes):
+        of_pass = frames.of_pass(row_pass)
+        here = np.isin(walked.frames, of_pass)
+        numbers, placed = walked.frames[here], walked.world_from_rig[here]
+        if len(numbers) < LEAST_PLACED:
+            continue
+        turn = middle_rotation(poses[numbers, :3, :3] @ placed[:, :3, :3].transpose(0, 2, 1))
+        places = placed[:, :3, 3] @ turn.T
+        if (travelled := float(np.ptp(places[:, 0]))) > 0:
+            places *= float(np.ptp(poses[numbers, 0, 3])) / travelled
+        begin = np.array([places[:, 0].min(), *np.median(places[:, 1:], axis=0)])
+        poses[numbers, :3, 3] = (
+            places - begin + [poses[numbers, 0, 3].min(), *np.median(poses[numbers, 1:3, 3], axis=0)]
+        )
+    return replace(start, world_from_rig=poses)
 
 
 def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:

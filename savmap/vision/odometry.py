@@ -38,6 +38,7 @@ WINDOW, STRIDE = 4, 2
 PATCH_PX, HALVINGS = 21, 4
 
 Grey = NDArray[np.uint8]
+Pixels = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class Followed:
     they are in the small panorama, pixels (n, 2) float32."""
 
     numbers: Ints
-    pixels: NDArray[np.float32]
+    pixels: Pixels
 
     @property
     def rays(self) -> Floats:
@@ -114,7 +115,7 @@ class Follower:
             self._next += len(pixels)
 
 
-def lucas_kanade(a: Grey, b: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], Bools]:
+def lucas_kanade(a: Grey, b: Grey, points: Pixels) -> tuple[Pixels, Bools]:
     """Where points of one picture are in another, and which (n,) were tracked there."""
     moved, status, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
         a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS
