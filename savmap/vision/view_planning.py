@@ -186,7 +186,7 @@ class Face:
         return self.rig_from_world.T
 
 
-def face_candidates(rig_from_manhattan: Floats, hfov_deg: float = 100.0) -> tuple[ViewSpec, ...]:
+def face_candidates(rig_from_manhattan: Floats, hfov_deg: float = FIRST_HFOV_DEG) -> tuple[ViewSpec, ...]:
     """The four level views along the building's horizontal axes, the first along -z, then to the right.
 
     Where the rig is tilted so far that another axis could be the vertical (less than 60 degrees from the rig's up), the
@@ -210,7 +210,7 @@ def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
     return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
 
 
-def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = None, hfov_deg: float = 100.0) -> Face:
+def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = None) -> Face:
     """The level direction that faces the structure best.
 
     `score(spec, panorama)` says how much like a face the view of a panorama is (0: not at all). Directions across the
@@ -218,7 +218,7 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
     faces of both sides: on the left, the camera moves towards the face's +x. Raises StructureError where no view
     scores.
     """
-    specs = face_candidates(pass_preview.rig_from_manhattan, hfov_deg)
+    specs = face_candidates(pass_preview.rig_from_manhattan)
     travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
     ways = list(zip(specs, travels, strict=True))
     across = [(spec, travel) for spec, travel in ways if travel and side in (None, HANDS[travel])]
@@ -380,7 +380,8 @@ def fit_height(
 def _elevations(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: Extent) -> _Elevations | None:
     """Of the key frames only so many are asked as it takes to see that the frame cuts the structure below and above."""
     ends = np.zeros((0, 2))
-    for panorama in pass_preview.keys:
+    few = _evenly(pass_preview.keys)
+    for panorama in [*few, *(key for key in pass_preview.keys if all(key is not one for one in few))]:
         rows = extent(pass_preview.view(panorama, spec))
         ends = ends if rows is None else np.vstack([ends, rows])
         if ((ends == [0, spec.height - 1]).sum(axis=0) > CUT_SHARE * len(pass_preview.keys)).all():
@@ -396,7 +397,10 @@ def _elevations(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: E
 
 
 def _covering(face: Face, extremes: _Elevations, spec: ViewSpec, margin: float) -> ViewSpec:
-    """The view that covers these elevations with its margins, and a little more where the frame cut the structure."""
+    """The view that covers these elevations with its margins, and a little more where the frame cut the structure; the
+    widest where it cut both ends."""
+    if extremes.cut_low and extremes.cut_high:
+        return tilted(face, 0.0, LARGEST_HFOV_DEG, spec.name)
     low = max(extremes.low_deg - BEYOND_CUT_DEG * extremes.cut_low, -88.0)
     high = min(extremes.high_deg + BEYOND_CUT_DEG * extremes.cut_high, 88.0)
     half = np.radians(min(high - low, 170.0) / 2)
