@@ -5,7 +5,7 @@ strips of the panoramas.
 """
 
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -391,7 +391,12 @@ class RowWalk:
         self.locators |= self.plan.locators()
         self.located |= {spec.name for (name, _), spec in self.plan.views().items() if name in self.plan.locators()}
         for cutter in self.cutters:
-            cutter.begin(self.plan, next((name for name in self.packed_views if self.plan.plans[name].views), None))
+            cutter.begin(self.plan, next((name for name in self._faces() if self.plan.plans[name].views), None))
+
+    def _faces(self) -> Iterable[str]:
+        """Those whose views may show the face: plugins whose structure lies in planes; without plugins what is planned
+        for none."""
+        return self.packed_views if self.plugins else self.plan.plans
 
     def render(self, panorama: Panorama, views: dict[ViewSpec, View]) -> Rendered:
         """A panorama's views, about which the networks have been asked, what is cut of it, and its strip; its record,

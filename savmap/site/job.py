@@ -18,7 +18,7 @@ from savmap.plugin.isolation import isolated
 from savmap.plugin.manager import LoadedPlugin, lacking, load_installed, open_plugin
 from savmap.site.load import draft_of, is_footage, notes_on, read_draft, site_of
 from savmap.site.locations import SourceMap
-from savmap.site.model import Site
+from savmap.site.model import SIDES, Side, Site
 from savmap.site.overrides import Override
 
 VIDEO_ROW = "1"
@@ -148,12 +148,20 @@ def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[st
 
 def video_content(video: Path, camera_height_m: float | None, side: str | None) -> dict[str, Any]:
     """The content of a site of one row and one pass. Raises SiteError for options out of range."""
-    if side not in (None, "left", "right"):
-        raise SiteError(f"--side {side}: it is `left` or `right`, the hand the face is on as one drives along")
+    if side is not None:
+        side_of(side)
     if camera_height_m is not None:
         _require_height(camera_height_m)
     height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
     return {"references": height, "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}}}
+
+
+def side_of(given: str) -> Side:
+    """The hand that an option names. Raises SiteError where it is none."""
+    for side in SIDES:
+        if given == side:
+            return side
+    raise SiteError(f"--side {given}: it is `left` or `right`, the hand the face is on as one drives along")
 
 
 def _require_height(height: float) -> None:

@@ -25,6 +25,7 @@ from savmap.video.clip import IMAGES_FPS, USUAL_FPS, Clip, is_folder
 
 Footage = tuple[Path, float, float | None, float]
 Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = ("left", "right")
 Rate = Annotated[float, Field(gt=0, le=120)]
 Settings = Mapping[str, Any]
 Section = TypeVar("Section", bound=Strict)

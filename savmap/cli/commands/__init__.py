@@ -15,6 +15,7 @@ _COMMANDS = "savmap.cli.commands"
 COMMANDS: Mapping[str, Command] = {
     "map": Command(f"{_COMMANDS}.mapping:map_", "Map a site (default: site.yaml of this folder) or one video."),
     "live": Command(f"{_COMMANDS}.live:live", "Map a row while it is filmed, and say what to do better."),
+    "plane": Command(f"{_COMMANDS}.mapping:plane", "Find the path of any drive, and picture a wall beside it."),
     "init": Command(f"{_COMMANDS}.mapping:init", "Write a commented site file to start from."),
     "check": Command(f"{_COMMANDS}.mapping:check", "Say what is wrong with a site file, and what a run will take."),
     "demo": Command(f"{_COMMANDS}.mapping:demo", "Map the footage that ships with savmap and score it."),
