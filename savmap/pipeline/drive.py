@@ -252,7 +252,7 @@ class Drive:
             self._take()
         for row in self.rows:
             row.lay(self._way.odometry.path)
-            row.attempt(partial(row.end, self.report, self._watch.steps))
+            row.attempt(partial(row.end, self.report, self._watch.steps, self._way.odometry.path))
 
     def _take(self) -> None:
         shown, future = self._ahead.popleft()
@@ -314,6 +314,16 @@ def before_face(path: WalkedPath, frames: Ints, fronts: Sequence[float]) -> Traj
     poses = path.world_from_rig[frames[here]]
     poses[:, :3, 3] /= float(np.median(distances[here]))
     return Trajectory(np.flatnonzero(here), poses)
+
+
+def breaks(name: str, stamps_s: Floats, path: WalkedPath) -> Iterator[MapWarning]:
+    """Where the path of a pass breaks off, so that a part of its frames is left out."""
+    placed = np.flatnonzero(path.part >= 0)
+    for last in placed[:-1][np.diff(path.part[placed]) != 0].tolist():
+        line = (
+            f"too few points lead from there to the next frame: {(path.part != path.longest).sum()} frames are left out"
+        )
+        yield MapWarning("missing-frames", figure=f"{name}, at {stamps_s[last]:.1f} s", details=(line,))
 
 
 class RowWalk:
@@ -483,8 +493,8 @@ class RowWalk:
         self.cuts += record.cuts
         self.tones.append(record.tones)
 
-    def end(self, report: DecodeReport, steps: Steps) -> None:
-        """End a pass, of whose frames the report tells, and how the camera moved from each to the next."""
+    def end(self, report: DecodeReport, steps: Steps, path: WalkedPath) -> None:
+        """End a pass, of whose frames the report tells, how the camera moved from each to the next, and its path."""
         plan, count = self.plan, len(steps.stamps_s)
         if count < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, count, plan.name))
@@ -493,7 +503,7 @@ class RowWalk:
             warning if warning.frame is None else replace(warning, frame=self._frame_at(warning.frame))
             for warning in course
         )
-        self.warnings += [*plan.warnings, *amid]
+        self.warnings += [*plan.warnings, *amid, *breaks(plan.name, steps.stamps_s, path)]
         self.notes += [note for views in plan.plans.values() for note in views.notes]
         self.skipped += report.skipped
         if not report.complete:

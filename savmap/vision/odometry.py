@@ -20,11 +20,13 @@ from savmap.geometry.motion import AGREES, resected, two_views
 from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.types import Bools, FilmedPanorama, Floats, Flow, Ints, Panorama, ViewSpec, array_record
 
-WIDTH, PAD = 1024, 96
-"""Of the panorama that points are followed in, and of what of its other end is shown at each end."""
+WIDTH, PAD, FINE = 1024, 96, 2
+"""Of the panorama that points are followed in, and of what of its other end is shown at each end. A picture so many
+times wider is thinned out before it is averaged."""
 HIGHEST_DEG = 62.0
 """Of points that are followed: nearer to the poles a panorama is bent too much, and shows the rig."""
-MOST_POINTS, APART_PX, QUALITY = 700, 12, 0.005
+MOST_POINTS, ENOUGH, APART_PX, QUALITY = 450, 0.7, 14, 0.005
+"""Points that are followed, and the share of these that lets new ones wait."""
 MOST_RETURN_PX = 0.5
 SIGMA = 0.35 * 2 * np.pi / WIDTH
 """Of a ray, radians."""
@@ -35,7 +37,7 @@ FIRST_PARALLAX = float(np.radians(2.0))
 KNOWN_PARALLAX = float(np.radians(1.0))
 WINDOW, STRIDE = 4, 2
 """Frames of a row that a flow spans, and from the start of one to the start of the next."""
-PATCH_PX, HALVINGS = 21, 4
+PATCH_PX, HALVINGS = 15, 4
 
 Grey = NDArray[np.uint8]
 Pixels = NDArray[np.float32]
@@ -59,7 +61,8 @@ class Followed:
 def seen(panorama: Panorama) -> Grey:
     """The small grey panorama (WIDTH / 2, WIDTH) that points are followed in."""
     whole = panorama.planes.luma if isinstance(panorama, FilmedPanorama) else panorama.image
-    small = cv2.resize(whole, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
+    step = max(1, whole.shape[1] // (FINE * WIDTH))
+    small = cv2.resize(whole[::step, ::step], (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
     return np.asarray(small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
@@ -102,12 +105,12 @@ class Follower:
         self._numbers, self._pixels = self._numbers[good], pixels
 
     def _begin(self, wide: Grey) -> None:
+        if len(self._pixels) > ENOUGH * MOST_POINTS:
+            return
         free = self._looked_at.copy()
         for x, y in self._pixels.astype(int).tolist():
             cv2.circle(free, (x + PAD, y), APART_PX, 0, -1)
-        if (most := MOST_POINTS - len(self._pixels)) <= 0:
-            return
-        corners = cv2.goodFeaturesToTrack(wide, most, QUALITY, APART_PX, mask=free)
+        corners = cv2.goodFeaturesToTrack(wide, MOST_POINTS - len(self._pixels), QUALITY, APART_PX, mask=free)
         if corners is not None:
             pixels = corners[:, 0].astype(np.float32) - np.array([PAD, 0], np.float32)
             self._numbers = np.append(self._numbers, self._next + np.arange(len(pixels)))
