@@ -24,8 +24,7 @@ class Settings(door.PluginSettings):
     """Settings of the plugin in a site file."""
 
     every: Annotated[int, Field(gt=0)] = 1
-    """The ceiling is looked at in each so many of the frames used: lamps stay in sight for long. Default: two in a pass
-    of 200 frames, four from 400 on."""
+    """The ceiling is looked at in every n-th key frame."""
     line: bool = False
     """Whether the lamps are on one line along the aisle, at one height. Otherwise that is tested, and used where it
     holds."""

@@ -68,8 +68,7 @@ class ShelvesSettings(BaseModel):
     seed_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.75
     """Confidence that a connected region must exceed somewhere, or it is passed over."""
     every: Annotated[int, Field(gt=0)] = 1
-    """How many of the frames used lie from each frame that the face is measured in to the next. Default: 2 or 4 in a
-    long pass so slow that things move by no more than 7.4 degrees in between, else 1."""
+    """The face is measured in every n-th key frame."""
     lowest_beam_bottom_height_m: LowestBeam | None = None
     """Height of the bottom edge of the lowest beam, in all bays or bay by bay, left to right."""
     bay_pitch_m: BayPitch | None = None

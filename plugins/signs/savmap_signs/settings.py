@@ -25,7 +25,7 @@ class Settings(BaseModel):
     along: bool = True
     """Whether views along the aisle, both ways, are searched too, for signs that hang across it."""
     every: Annotated[int, Field(gt=0)] = 1
-    """Signs are searched for in every n-th of the frames used. Default: 1; 2 in a pass of 200 frames, 4 from 400 on."""
+    """Signs are searched for in every n-th key frame."""
     read: bool = True
     """Whether texts and codes are read. Needs the extra `signs`."""
     read_every: Annotated[int, Field(gt=0)] = 1
