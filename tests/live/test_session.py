@@ -1,5 +1,6 @@
 """A live session: which frames are measured, when maps are made, what is on disk, and how it ends."""
 
+import itertools
 import json
 import multiprocessing
 import os
@@ -27,7 +28,7 @@ from savmap.errors import (
     VideoError,
 )
 from savmap.files.journal import Journal, TemporaryParts
-from savmap.files.serialization import packed
+from savmap.files.serialization import packed, unpacked
 from savmap.files.urls import where
 from savmap.jobs.cache_keys import measurement_key, strips_key
 from savmap.live import mapper, session, sources
@@ -37,7 +38,7 @@ from savmap.live.sources import live_job, recorded_job, recordings
 from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.key_frames import KeyFrames
-from savmap.pipeline.records import FrameRecord
+from savmap.pipeline.records import FrameRecord, RowMeasurements, WalkedRow
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.job import Job, job_for
@@ -58,6 +59,7 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import SilentMonitor
+from savmap.vision.odometry import Followed, Follower
 
 from ..plugin.made_up_plugin import plugin_class
 from ..video.made_up_video import evenly, picture, write_video
@@ -110,8 +112,10 @@ class FakeMapper:
 
 @pytest.fixture(autouse=True)
 def every_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every frame is a key frame: the pictures show noise, in which nothing can be followed."""
+    """Every frame is a key frame: nothing is followed in these pictures."""
     monkeypatch.setattr(KeyFrames, "is_key", lambda *_: True)
+    nothing = Followed(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
+    monkeypatch.setattr(Follower, "update", lambda *_: nothing)
 
 
 @pytest.fixture
@@ -145,6 +149,13 @@ def frames(count: int, pause_s: float = 0.0, first: int = 0) -> Iterator[Panoram
     for number in range(first, count):
         time.sleep(pause_s)
         yield Panorama(number, number / 10, picture(number))
+
+
+def begun(job: Job) -> RowWalk:
+    """A walk that measures nothing and knows no face."""
+    walk = RowWalk.__new__(RowWalk)
+    walk.plan = PassPlan("pass 1", job.site.rows["1"].passes[0].clip, {})
+    return walk
 
 
 def until(reached: Callable[[], bool]) -> None:
@@ -188,6 +199,23 @@ def test_maps_follow_what_is_measured(job: Job, plan: list[PassPlan], monkeypatc
         sizes = [len(asked.measured) for asked in FakeMapper.asked]
         assert sizes == sorted(sizes)
         assert sizes[0] >= 3
+
+
+def test_once_views_are_chosen_key_frames_alone_are_measured(
+    job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    numbers = itertools.count()
+    monkeypatch.setattr(KeyFrames, "is_key", lambda *_: next(numbers) % 3 == 0)
+    count = session.PREVIEWED + 30
+    with LiveMapping(job, "1") as live:
+        for panorama in frames(session.PREVIEWED):
+            live.take(panorama)
+        until(lambda: live._walk is not None)
+        for panorama in frames(count, first=session.PREVIEWED):
+            state = live.take(panorama)
+        until(lambda: live.state("walking").measured + live.state("walking").passed_over == session.PREVIEWED + 10)
+        assert state.frames == count
+        assert all(number % 3 == 0 for number in live.measured if number >= session.PREVIEWED)
 
 
 def panorama_after(number: int) -> Panorama:
@@ -244,7 +272,7 @@ def test_what_is_not_seen_together_is_said_once_it_is_sure(
     job: Job, plan: list[PassPlan], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with LiveMapping(job, "1") as live:
-        live._walk, codes = RowWalk.__new__(RowWalk), []
+        live._walk, codes = begun(job), []
         for frames_mapped in (session.FIRST_MAP, session.SURE_UNSEEN):
             live._reply = MapReply(None, "no picture shows two of them", frames_mapped, 1.0, is_unseen=True)
             codes.append([item.code for item in live.take(panorama_after(frames_mapped)).advice])
@@ -357,6 +385,29 @@ def test_a_long_row_is_mapped_from_evenly_chosen_frames(monkeypatch: pytest.Monk
     assert read == [0, 1, 3, 6, 9]
 
 
+def test_a_provisional_map_begins_with_the_drives_path(
+    monkeypatch: pytest.MonkeyPatch, job: Job, plan: list[PassPlan]
+) -> None:
+    """What the other process is asked for has it."""
+    found = list[RowMeasurements]()
+
+    def find_structures(walked: WalkedRow, monitor: object) -> None:
+        found.append(walked.measurements)
+        raise StructureError("no light shows")
+
+    monkeypatch.setattr(mapper, "find_structures", find_structures)
+    monkeypatch.setattr(mapper, "request_for", session.request_for)
+    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))}, {"watcher": ""})
+    path = Trajectory(np.array([1, 3]), np.tile(np.eye(4), (2, 1, 1)))
+    asked = unpacked(packed(MapRequest((0.0, 0.1, 0.2, 0.3), frozenset({1, 3}), path)), MapRequest)
+    reply = ProvisionalMaps(job, "1", TemporaryParts(), live_plan, {}).map(asked)
+    assert (reply.problem, reply.is_unseen, reply.frames) == ("no light shows", True, 2)
+    (measurements,) = found
+    assert len(measurements.facts.frames) == 4
+    assert measurements.walked is not None
+    assert measurements.walked.frames.tolist() == [1, 3]
+
+
 def test_a_reader_of_the_journal_forgets_nothing() -> None:
     class Parts(dict[int, bytes]):
         def load(self, part: int) -> bytes | None:
@@ -416,7 +467,7 @@ def test_a_session_along_a_mapped_row(tmp_path: Path, plan: list[PassPlan]) -> N
     job = live_job(video, ["shelves"], tmp_path / "out").coming_back(tmp_path / "earlier", "A")
     assert (job.walked.against, job.recorded.against_row) == (tmp_path / "earlier" / "map.json", "A")
     with LiveMapping(job.walked, job.row) as live:
-        live._walk = RowWalk.__new__(RowWalk)
+        live._walk = begun(job.walked)
         live._reply = MapReply(None, "it looks alike at two places", session.SURE_UNSEEN, 1.0, is_unseen=True)
         (advice,) = live.take(panorama_after(0)).advice  # no reference is missing: the map tells the scale
     assert advice.text == "Not recognised in the earlier map: it looks alike at two places."

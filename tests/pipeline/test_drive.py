@@ -19,7 +19,8 @@ from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.graph import KnownMarker, References, camera_priors
 from savmap.pipeline import drive
-from savmap.pipeline.drive import RowWalk
+from savmap.pipeline.drive import RowWalk, Way, numbered
+from savmap.pipeline.key_frames import KeyFrames
 from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, WalkedRow
 from savmap.pipeline.row import marker_constraints
 from savmap.pipeline.view_plans import PassPlan
@@ -41,9 +42,9 @@ from savmap.types import (
 )
 from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, DecodeReport, panoramas
-from savmap.vision.flow import WINDOW
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmenter
+from savmap.vision.odometry import WINDOW, Followed, Follower
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
@@ -68,6 +69,19 @@ def room(name: str, extract: Extract) -> LoadedPlugin:
 
     watcher = plugin_class(classes=("light",), model=LAMPS, extract_features=extract_features)
     return loaded_plugin(name, watcher, Config())
+
+
+@pytest.fixture(autouse=True)
+def every_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every frame is a key frame: in the pictures nothing can be followed."""
+    monkeypatch.setattr(KeyFrames, "is_key", lambda *_: True)
+
+
+@pytest.fixture
+def nothing_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No point is followed, which saves time."""
+    nothing = Followed(np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
+    monkeypatch.setattr(Follower, "update", lambda *_: nothing)
 
 
 @pytest.fixture
@@ -138,6 +152,7 @@ def test_plugins_are_asked_in_order_by_one_thread_and_see_what_they_would_alone(
     assert threads() == before
 
 
+@pytest.mark.usefixtures("nothing_followed")
 def test_a_view_is_cut_from_each_so_many_frames(aimed: PassPlan) -> None:
     seen: list[tuple[str, int]] = []
 
@@ -210,7 +225,7 @@ def test_a_walk_that_was_cut_off_goes_on_there(
         rooms = [room("one", extract), room("two", extract)]
         with Journal(parts) as journal:
             walk = driven(walk_of(rooms, plan, journal, appearance=True))
-        seen = [walk.features, walk.packed_views, walk.stamps, walk.pass_of, walk.cuts, walk.notes, walk.flow.flows]
+        seen = [walk.features, walk.packed_views, walk.stamps, walk.pass_of, walk.cuts, walk.notes, walk.followed]
         return packed([*seen, walk.markers.marks])
 
     plan = aimed if footage == "video" else replace(aimed, clip=Clip(pictures_of(aimed, tmp_path), images_fps=15.0))
@@ -325,10 +340,11 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
 
         monkeypatch.setattr(drive, "panoramas", counted)
         with Journal(parts) as journal:
-            row = walk_of([room("one", extract)], plan, journal)
+            row = walk_of([room("one", extract)], plan, journal, appearance=True)
             row.request = replace(row.request, references=References())
             walk = driven(row)
-        return packed([walk.features, walk.stamps, walk.pass_of, walk.packed_views, walk.notes, walk.warnings]), read
+        seen = [walk.features, walk.stamps, walk.pass_of, walk.packed_views, walk.notes, walk.warnings, walk.followed]
+        return packed(seen), read
 
     stops, shelf = [True], Shelf()
     with pytest.raises(KeyboardInterrupt):
@@ -355,6 +371,7 @@ def test_a_snapshot_is_what_was_measured_so_far(aimed: PassPlan) -> None:
     assert len(row.measurements.facts.frames.stamps_s) == 12
 
 
+@pytest.mark.usefixtures("nothing_followed")
 def test_how_dark_and_how_bright_a_plugin_sees_is_kept(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drive, "tones_of", lambda views: (len(views) / 10, views[0].frame / 100))
     walk = driven(walk_of([room("one", lambda view, _: []), room("two", lambda view, _: [])], aimed))
@@ -368,11 +385,14 @@ def test_points_are_followed_in_the_views_of_the_face_alone(aimed: PassPlan) -> 
     walk = walk_of([], replace(aimed, plans=plans), appearance=True)
     rough = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
     image = np.kron(rough, np.ones((4, 4, 1), np.uint8))
+    way, follower = Way(), Follower()
     for frame in range(WINDOW):
         panorama = Panorama(frame, frame / 15, image)
-        walk.take(panorama, walk.render(panorama, {}))
-    assert {flow.spec.name for flow in walk.flow.flows} == {"pass 1 / face"}
-    assert len(walk.flow.flows[0].pixels) > 50
+        way.take(follower.update(panorama))
+        walk.take(numbered(panorama, walk.counted(frame, way)), ([], [], None))
+    flows = walk.walked().measurements.flows
+    assert {flow.spec.name for flow in flows} == {"pass 1 / face"}
+    assert len(flows[0].pixels) > 50
 
 
 def test_markers_are_searched_in_every_frame(aimed: PassPlan) -> None:

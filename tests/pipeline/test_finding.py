@@ -69,12 +69,7 @@ class Asked:
         self.points: list[dict[str, Floats]] = []
         self.floors: list[float | None] = []
         self.pixels: list[bool] = []
-        self.located = 0
         asked = self
-
-        def locate(self: object) -> Trajectory:
-            asked.located += 1
-            return PATH
 
         def find(
             self: object, gather: Any, path: Trajectory, points: dict[str, Floats], facts: RowFacts, floor: float | None
@@ -95,7 +90,7 @@ class Asked:
                 for number, middle in enumerate(middles)
             ]
 
-        members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features, "locate": locate}
+        members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features}
         self.plugin: LoadedPlugin = loaded_plugin("one", plugin_class(**{**members, "find": find, **hooks}), Config())
 
 
@@ -136,12 +131,25 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[RowMeasurements]:
     return asked
 
 
+@pytest.fixture(autouse=True)
+def first_paths(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """By what plugins the drive's path was laid before the face: along `PATH`."""
+    asked: list[str] = []
+
+    def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
+        asked.append(plugin.name)
+        return [PATH]
+
+    monkeypatch.setattr(finding, "paths_before_face", paths_before_face)
+    return asked
+
+
 def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_the_second_time(
-    solved: list[RowMeasurements],
+    solved: list[RowMeasurements], first_paths: list[str]
 ) -> None:
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8)])
     measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
-    assert asked.located == 1
+    assert first_paths == ["one"]
     assert asked.paths == [PATH, SOLVED]
     assert [dict(points) for points in asked.points] == [{}, POINTS]
     assert asked.pixels == [True] * COUNT
@@ -177,11 +185,42 @@ def test_what_lies_far_ahead_or_behind_is_not_measured() -> None:
     assert is_near(replace(high, outline=high.outline + np.array([0.0, 9.0, 0.0])), camera, along)
 
 
-def test_an_earlier_maps_path_is_used_from_the_start() -> None:
+def test_an_earlier_maps_path_is_used_from_the_start(first_paths: list[str]) -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
     find_structures(walked(asked.plugin, path=PATH), NoteCollector())
-    assert asked.located == 0
+    assert first_paths == []
     assert asked.paths[0] is PATH
+
+
+def two_passes(monkeypatch: pytest.MonkeyPatch, seen: dict[int, list[FoundObject]]) -> Asked:
+    """Two passes of two frames, which show objects, by the first frame of the path that they are looked for from; from
+    a path of all frames, those of the first pass are found."""
+    paths = [Trajectory(PATH.frames[:2], PATH.world_from_rig[:2]), Trajectory(PATH.frames[2:], PATH.world_from_rig[2:])]
+    monkeypatch.setattr(finding, "paths_before_face", lambda row, plugin: paths)
+
+    def find(self: object, gather: Any, path: Trajectory, *_: object) -> list[FoundObject]:
+        asked.paths.append(path)
+        return seen[path.frames[0]]
+
+    asked = Asked(lambda floor: [], find=find)
+    return asked
+
+
+def test_a_second_pass_is_laid_on_the_first_by_what_both_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second pass begins 0.7 further along the face, and takes the first one's 1.25 for one."""
+    lights = [light(number, x) for number, x in enumerate((-0.8, 0.1, 1.6))]
+    others = [replace(item, outline=(item.outline - [0.7, 0.0, 0.0]) / 1.25) for item in lights]
+    asked = two_passes(monkeypatch, {0: lights, 2: others})
+    find_structures(walked(asked.plugin), NoteCollector())
+    assert [path.frames.tolist() for path in asked.paths] == [[0, 1], [2, 3], [*range(COUNT)], [*range(COUNT)]]
+    places = asked.paths[2].world_from_rig[:, :3, 3]
+    assert places == pytest.approx(np.array([[0.0, 0.0, 2.0]] * 2 + [[0.7, 0.0, 2.5]] * 2))
+
+
+def test_passes_that_show_nothing_alike_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = two_passes(monkeypatch, {0: [light(1, -0.8), light(2, 0.8)], 2: [light(1, 0.8)]})
+    with pytest.raises(StructureError, match="row A: passes 2 and 1 do not show enough of the same bays"):
+        find_structures(walked(asked.plugin), NoteCollector())
 
 
 def test_what_is_less_likely_than_not_is_found_and_not_measured() -> None:
@@ -203,11 +242,11 @@ def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     assert len(measured.objects["one"]) == 2 - again
 
 
-def test_a_plugin_that_is_told_the_path_finds_once(solved: list[RowMeasurements]) -> None:
+def test_a_plugin_that_is_told_the_path_finds_once(solved: list[RowMeasurements], first_paths: list[str]) -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
     measured = find_structures(walked(asked.plugin, locates=False, path=PATH), NoteCollector()).measurements
-    assert (asked.located, asked.paths, asked.pixels) == (0, [PATH], [True] * COUNT)
-    assert solved == []
+    assert (asked.paths, asked.pixels) == ([PATH], [True] * COUNT)
+    assert (solved, first_paths) == ([], [])
     assert len(measured.features["one"]) == COUNT
 
 

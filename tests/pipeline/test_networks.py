@@ -2,6 +2,7 @@
 
 from collections.abc import Container
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -75,41 +76,40 @@ def shares(monkeypatch: pytest.MonkeyPatch) -> dict[Path, float]:
     seen = {OWN: 0.02, OTHER: 0.02}
     monkeypatch.setattr(networks, "SegmenterPool", lambda plugins: None)
     monkeypatch.setattr(networks, "seen", lambda candidate, views: np.array([seen[candidate[0].model]]))
-    monkeypatch.setattr(networks, "few_views", lambda specs, preview: list(specs))
     return seen
 
 
-NOTHING_SEEN: Any = None
+PREVIEW: Any = SimpleNamespace(views=lambda spec: [spec])
 
 
 def test_own_network_is_planned_with_once(shares: dict[Path, float]) -> None:
     plan = Planner()
-    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    best, planned = with_best_network(plugin_with(), PREVIEW, plan)
     assert (best.network, planned.notes, plan.asked) == (None, ("own.onnx",), [OWN])
 
 
 def test_network_that_sees_more_plans_its_own_views(shares: dict[Path, float]) -> None:
     shares[OTHER] = 0.04
     plan = Planner()
-    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    best, planned = with_best_network(plugin_with(), PREVIEW, plan)
     assert (best.network, planned.notes, plan.asked) == (OTHER, ("other.onnx",), [OWN, OTHER])
     assert network_lines([best]) == ["`one` looks with other.onnx, which sees more here"]
 
 
 def test_network_that_finds_the_structure_is_taken(shares: dict[Path, float]) -> None:
     plan = Planner(missing=[OWN])
-    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, plan)
+    best, planned = with_best_network(plugin_with(), PREVIEW, plan)
     assert (best.network, planned.notes, plan.asked) == (OTHER, ("other.onnx",), [OWN, OTHER])
 
 
 def test_where_none_finds_it_the_own_network_says_why(shares: dict[Path, float]) -> None:
     with pytest.raises(StructureError, match=r"seen with own\.onnx"):
-        with_best_network(plugin_with(), NOTHING_SEEN, Planner(missing=[OWN, OTHER]))
+        with_best_network(plugin_with(), PREVIEW, Planner(missing=[OWN, OTHER]))
 
 
 def test_plugin_that_wants_no_views_keeps_its_own(shares: dict[Path, float]) -> None:
     shares[OTHER] = 0.04
-    best, planned = with_best_network(plugin_with(), NOTHING_SEEN, lambda candidate: ViewPlan(()))
+    best, planned = with_best_network(plugin_with(), PREVIEW, lambda candidate: ViewPlan(()))
     assert (best.network, planned.views) == (None, ())
 
 

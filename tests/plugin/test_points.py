@@ -218,7 +218,7 @@ def test_ends_and_borders_of_masks() -> None:
 @pytest.fixture
 def pass_preview() -> PassPreview:
     keys = tuple(Panorama(k, k / 5, np.zeros((64, 128, 3), np.uint8)) for k in range(3))
-    return PassPreview(keys, (), Renderer(), LEVEL.T, 3)
+    return PassPreview(keys, (), Renderer(), LEVEL.T)
 
 
 def two_posts(view: View) -> list[Detection]:

@@ -54,7 +54,6 @@ def panorama(frame: int, exposure: float = 1.0, marks: Floats = MARKS, depth: fl
 def no_footage(monkeypatch: pytest.MonkeyPatch) -> None:
     info = VideoInfo(Path("drive.mp4"), 2 * HEIGHT, HEIGHT, "h264", "yuv420p", 15.0, COUNT / 15)
     monkeypatch.setattr(cutting, "probe", lambda path, fps: info)
-    monkeypatch.setattr(cutting, "expected_frames", lambda clip, info: COUNT)
 
 
 def cut(**shown: Any) -> RowStrips:

@@ -2,16 +2,18 @@
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.types import Detection, Feature, Panorama, View, ViewSpec
-from savmap.vision.view_planning import Face, Manual, PassPreview, Side, parallax_rad
+from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
+from savmap.vision.view_planning import Face, Manual, PassPreview, Side
 from savmap.vision.views import Renderer
-from savmap_shelves.views import cached, count_uprights, frame_interval, halves, which_hand, widened
+from savmap_shelves import views
+from savmap_shelves.plugin import Shelves
+from savmap_shelves.settings import ShelvesSettings
+from savmap_shelves.views import cached, count_uprights, halves, which_hand, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -22,28 +24,13 @@ def pass_preview() -> PassPreview:
     return PassPreview(keys, (), Renderer(), np.eye(3))
 
 
-def turned_pair(angle_rad: float) -> tuple[Panorama, Panorama]:
-    """Two panoramas of spots, between which all of them move by an angle along the horizon."""
-    spots = np.random.default_rng(1).integers(0, 255, (64, 128, 3)).astype(np.uint8)
-    image = cv2.resize(spots, (1024, 512), interpolation=cv2.INTER_CUBIC)
-    return Panorama(0, 0.0, image), Panorama(1, 0.1, np.roll(image, round(angle_rad / (2 * np.pi) * 1024), axis=1))
-
-
-@pytest.mark.parametrize(
-    ("angle_rad", "frames", "every"),
-    [(0.024, 855, 4), (0.024, 250, 2), (0.024, 150, 1), (0.045, 855, 2), (0.15, 855, 1)],
-)
-def test_a_slow_pass_is_looked_at_less_often(
-    pass_preview: PassPreview, angle_rad: float, frames: int, every: int
+@pytest.mark.parametrize(("given", "every"), [({}, 1), ({"every": 3}, 3)])
+def test_the_face_is_looked_at_as_often_as_is_set(
+    pass_preview: PassPreview, monkeypatch: pytest.MonkeyPatch, given: dict[str, int], every: int
 ) -> None:
-    slow = replace(pass_preview, pairs=(turned_pair(angle_rad),), frames=frames)
-    assert angle_rad * 0.9 < parallax_rad(slow.pairs, SPEC, slow.renderer) < angle_rad * 1.4
-    assert frame_interval(slow, SPEC) == every
-
-
-def test_a_pass_whose_motion_is_not_seen_is_looked_at_in_every_frame(pass_preview: PassPreview) -> None:
-    assert frame_interval(replace(pass_preview, frames=855), SPEC) == 1
-    assert frame_interval(replace(pass_preview, pairs=(pass_preview.keys[:2],), frames=855), SPEC) == 1  # type: ignore[arg-type]
+    monkeypatch.setattr(views, "aim_at_face", lambda *_: ViewPlan((SPEC, replace(SPEC, name="face low")), np.eye(3)))
+    plan = Shelves(ShelvesSettings(**given)).render_views(pass_preview, lambda view: [], None, {})
+    assert [(spec.name, spec.every) for spec in plan.views] == [("face", every), ("face low", every)]
 
 
 def two_from(hfov_deg: float, view: View) -> int:

@@ -21,17 +21,17 @@ SPEC = ViewSpec("signs lower", yaw_deg=0.0, hfov_deg=110.0, every=2)
 
 
 def plan(config: Settings, manual: Mapping[str, Manual] | None = None) -> ViewPlan:
-    preview = SimpleNamespace(rig_from_manhattan=RIG_FROM_FACE @ LEVEL, frame_step=lambda: 4)
+    preview = SimpleNamespace(rig_from_manhattan=RIG_FROM_FACE @ LEVEL)
     return Signs(config).render_views(pass_preview=preview, manual=manual or {}, attitude=None)  # type: ignore[arg-type]
 
 
 def test_views_look_up_and_down_the_face_and_along_the_aisle() -> None:
     views = {spec.name: (round(spec.yaw_deg), round(spec.pitch_deg), spec.every) for spec in plan(Settings()).views}
     assert views == {
-        "signs upper": (30, 25, 4),
-        "signs lower": (30, -25, 4),
-        "signs ahead": (120, 25, 4),
-        "signs behind": (-60, 25, 4),
+        "signs upper": (30, 25, 1),
+        "signs lower": (30, -25, 1),
+        "signs ahead": (120, 25, 1),
+        "signs behind": (-60, 25, 1),
     }
     assert [spec.name for spec in plan(Settings(along=False, every=3)).views] == ["signs upper", "signs lower"]
     assert {spec.every for spec in plan(Settings(every=3)).views} == {3}

@@ -1,0 +1,457 @@
+"""The face beside a drive and its posts, by straight edges alone: no network, grey levels only, so that any paint does.
+
+Each frame is seen by a camera square to the face. Its upright edges are divided by the contrast around them and kept
+with their signs. A plane is moved through depths (a plane sweep: Collins 1996, "A space-sweep approach to true
+multi-image matching"), and on each the edges of all frames are averaged: at the face's depth posts stay sharp, and what
+is off the plane is smeared by parallax. A pair of columns scores the mean over the height of sqrt(|e| |e'|), where e and
+e' are its averaged edges, at most 1. The face is where the best pairs score most over the greatest height. Its posts
+share one width, and each may stand a little nearer or farther, for a path drifts.
+
+Face frame: x right as one looks at the face, y down, z from the drive towards the face. Lengths are in the path's unit,
+of which a rough metre must be known: posts are 3 to 16 cm wide.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from savmap.errors import StructureError
+from savmap.geometry import sphere
+from savmap.geometry.poses import middle_rotation
+from savmap.geometry.vanishing import manhattan_from_segments
+from savmap.types import Floats, Ints, Panorama, array_record
+from savmap.vision.odometry import WalkedPath, seen
+
+Bytes = NDArray[np.uint8]
+Singles = NDArray[np.float32]
+Side = Literal["left", "right"]
+
+FOCAL, WIDTH, HEIGHT, JOINED = 192, 640, 1280, 8
+"""Of the view square to the face, pixels: 118 degrees wide, 147 high. So many of its rows are joined to one."""
+SPARSE = 8
+"""Rays are computed for every eighth pixel, and interpolated between."""
+WINDOW_PX, NOISE = 8.0, 1.5
+"""Sigma of the window whose contrast an edge is divided by; grey levels that are added to it."""
+STEPS = 32.0
+"""Of a packed edge, in 1: edges up to 4 fit into a byte."""
+CELLS = 150
+"""Columns of averaged edges in a depth of the face."""
+REACH = WIDTH * CELLS // (2 * FOCAL)
+"""Columns that a camera sees to either side."""
+LEAST_FRAMES = 6
+"""That see a cell: where fewer do, anything scores."""
+NEAREST_M, FARTHEST_M, STEP = 0.45, 3.5, 1.01
+"""Depths of the sweep, and the factor from each to the next."""
+SLOPES: Floats = np.arange(-4, 5) * 0.0025
+BAY_M, PAIR_M = 1.0, 4.0
+"""While a plane is judged: the least distance of pairs, and the way for which there is one; a face has more."""
+WHOLE_M = 4.0
+"""A face of this height counts whole; a lower one by the square root of its share."""
+PROPOSED, APART, USUAL = 4, 0.05, 45
+"""Depths that are refined, how much two of these differ, and over how many depths what is usual is a running median."""
+NEARER_GAIN = 0.5
+"""The nearest plane that stands out by this share of the best one is the face: others are seen through it."""
+LEAST_SCORE = 1e-6
+LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+GOES_ON, MIDDLE = 0.4, 0.6
+"""A face is as high as pairs have this share of the edges that they have before the camera, up to so many depths above
+and below it."""
+POSTS_M, ALIKE_M, APART_M, MOST_POSTS = (0.03, 0.16), 0.017, 0.2, 40
+"""Widths of posts; how much they differ in a face; the least distance of candidates, and how many there are at most."""
+BEYOND_M = 0.3
+"""The ends of the way, there are no candidates."""
+NEARER = (1.0, 0.98, 0.99, 1.01, 1.02)
+"""Depths of a post, in that of the face."""
+POST, OTHER, BOUND = (0.97, 0.72), (-2.08, 0.52), 6.0
+"""Log odds of the scores of 107 posts and 680 other pairs of 20 faces, mean and sigma; and where their log-likelihood
+ratio is cut, for the tails are not known."""
+STANDS = 0.3
+"""Least score of a face: right planes had 0.5 to 0.9, empty sides 0.1."""
+LEAST_SUPPORT = 0.25
+"""Of the building's axes."""
+WORTH = 1.0005
+"""The factor by which a step must be better."""
+
+ROWS = HEIGHT // JOINED
+CAMERA: Floats = np.array([[FOCAL, 0, WIDTH / 2 - 0.5], [0, FOCAL / JOINED, ROWS / 2 - 0.5], [0, 0, 1]])
+"""Calibration matrix (3, 3) of the view with its rows joined."""
+DOWN: Floats = (np.arange(ROWS) + 0.5 - ROWS / 2) * JOINED / FOCAL
+"""Of the rows of averaged edges below the path's middle, in depths."""
+WEIGHTS: Singles = np.asarray(
+    (1 + ((np.arange(2 * REACH) - REACH) / CELLS) ** 2 + DOWN[:, None] ** 2) ** -1.5, np.float32
+)
+"""Of the cells that a camera sees: the solid angle, up to a factor."""
+
+
+Rows = tuple[float, float]
+"""Between which rows are taken, in depths below the path's middle."""
+NEAR_ROWS: Rows = (-1.0, 1.0)
+ALL_ROWS: Rows = (-9.0, 9.0)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FacePlane:
+    """The best plane on one side of a drive, in the frame `path_from_face` (3, 3).
+
+    `shape` (5,): the depth from the path's `middle` (3,), how it changes along x (slope) and y (lean), and what a
+    drifting path adds to it along the way, quadratic and cubic; `half`: of the way's length along x. `heights`: above
+    the middle, between which the face is seen. `score`: the mean of its best pairs over these.
+    """
+
+    path_from_face: Floats
+    middle: Floats
+    half: float
+    shape: Floats
+    heights: tuple[float, float]
+    score: float
+
+    @property
+    def depth(self) -> float:
+        """From the path's middle."""
+        return float(self.shape[0])
+
+    @property
+    def stands(self) -> bool:
+        """Whether a face stands on this side."""
+        return self.score >= STANDS
+
+    def points(self, x: Floats, height: float = 0.0) -> Floats:
+        """Points (n, 3) of the face, in the path's frame, at places x (n,) in the face frame and a height."""
+        depth, _ = bent(self.shape, self.half, (x - self.middle[0]) / self.half)
+        y = np.full_like(x, self.middle[1] - height)
+        z = depth - self.shape[2] * height + self.middle[2]
+        return np.asarray(np.stack([x, y, z], axis=1) @ self.path_from_face.T)
+
+
+@dataclass(frozen=True, eq=False)
+@array_record
+class FacePosts:
+    """Candidates for the posts of a face (n,), best first: their scores, their centres (x in the face frame), their
+    widths, and the log-likelihood ratios of a post to another pair, which hold where the plane is right."""
+
+    scores: Floats
+    centres: Floats
+    widths: Floats
+    ratios: Floats
+
+
+def bent(shape: Floats, half: float, t: Floats) -> tuple[Floats, Floats]:
+    """Depths and slopes (n,) of a face's shape (5,) at places t (n,) along the way, from -1 to 1."""
+    depth, slope, _, bend, twist = shape.tolist()
+    depths = depth + slope * half * t + bend * (t**2 - 1 / 3) + twist * (t**3 - 0.6 * t)
+    return depths, slope + (2 * bend * t + twist * (3 * t**2 - 0.6)) / half
+
+
+def building_axes(path: WalkedPath, segments: Mapping[int, tuple[Floats, Floats]]) -> Floats:
+    """The building's axes (3, 3) in the path's frame, the second one up, by straight segments that some frames show, as
+    `view_planning.segments` gives them. Raises StructureError where none stand out."""
+    placed = [(path.world_from_rig[frame, :3, :3], ends) for frame, ends in segments.items() if path.part[frame] >= 0]
+    rays = [np.concatenate([ends[k] @ turn.T for turn, ends in placed]) for k in (0, 1)] if placed else []
+    axes = manhattan_from_segments(rays[0], rays[1]) if rays else None
+    if axes is None or axes.support < LEAST_SUPPORT:
+        raise StructureError(
+            "no building directions stand out in the pictures; give the views' angles in the site file"
+        )
+    return axes.rig_from_manhattan
+
+
+def faces_beside(axes: Floats, way: Floats) -> Mapping[Side, Floats]:
+    """The face frames (3, 3) of both sides, by the building's axes (3, 3), the second one up, and the direction of the
+    way (3,), in one frame: the rig's, or the path's."""
+    level = axes[:, [0, 2]]
+    along = way @ level
+    nearest = int(np.abs(along).argmax())
+    right, down = np.sign(along[nearest]) * level[:, nearest], -axes[:, 1]
+    left: Floats = np.column_stack([right, down, np.cross(right, down)])
+    return {"left": left, "right": left * [-1.0, 1.0, -1.0]}
+
+
+class FaceEdges:
+    """The upright edges on one side of a drive, as cameras square to the face see them: 100 kB a frame."""
+
+    def __init__(self) -> None:
+        self._frames = list[int]()
+        self._rig_from_view = list[Floats]()
+        self._packed = list[Bytes]()
+
+    def add(self, frame: int, panorama: Panorama, rig_from_face: Floats) -> None:
+        """Take a frame of the drive. `rig_from_face` (3, 3): the face frame as the rig stands, to a few degrees."""
+        edges = np.rint(STEPS * upright_edges(square_view(seen(panorama), rig_from_face))) + 128
+        self._frames.append(frame)
+        self._rig_from_view.append(rig_from_face)
+        self._packed.append(np.clip(edges, 0, 255).astype(np.uint8))
+
+    def along(self, path: WalkedPath, metres: float, path_from_face: Floats | None = None) -> "FaceSweep | None":
+        """The sweep along the longest part of a path whose unit is roughly so many metres; None where it has too few of
+        the frames. `path_from_face` (3, 3): the face frame; None: the middle of the frames' own."""
+        kept = [k for k, frame in enumerate(self._frames) if path.part[frame] == path.longest]
+        if len(kept) < LEAST_FRAMES:
+            return None
+        poses = path.world_from_rig[[self._frames[k] for k in kept]]
+        path_from_view = poses[:, :3, :3] @ np.array([self._rig_from_view[k] for k in kept])
+        face = middle_rotation(path_from_view) if path_from_face is None else path_from_face
+        edges = [(self._packed[k].astype(np.float32) - 128) / np.float32(STEPS) for k in kept]
+        return FaceSweep(metres, face, poses[:, :3, 3] @ face, path_from_view.transpose(0, 2, 1) @ face, edges)
+
+
+def square_view(grey: Bytes, rig_from_face: Floats) -> Singles:
+    """A panorama as a camera square to the face sees it (HEIGHT, WIDTH)."""
+    u, v = ((np.arange(SPARSE / 2, n, SPARSE) - n / 2) / FOCAL for n in (WIDTH, HEIGHT))
+    rays = np.stack([*np.meshgrid(u, v), np.ones((len(v), len(u)))], axis=-1) @ rig_from_face.T
+    columns, rows = sphere.columns_and_rows(rays[..., 0], rays[..., 1], rays[..., 2], len(grey))
+    first = columns[len(v) // 2, len(u) // 2] - len(grey)
+    maps = [
+        cv2.resize(table.astype(np.float32), (WIDTH, HEIGHT))
+        for table in ((columns - first) % (2 * len(grey)) + first, rows)
+    ]
+    return np.asarray(cv2.remap(grey, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP), np.float32)
+
+
+def upright_edges(view: Singles) -> Singles:
+    """Upright edges (ROWS, WIDTH) of a view, signed, in terms of the contrast around them."""
+    rises = cv2.Sobel(view, cv2.CV_32F, 1, 0, scale=1 / 8)
+    edges, energy = (cv2.resize(x, (WIDTH, ROWS), interpolation=cv2.INTER_AREA) for x in (rises, rises * rises))
+    contrast = cv2.sqrt(cv2.GaussianBlur(energy, (0, 0), sigmaX=WINDOW_PX, sigmaY=WINDOW_PX / JOINED))
+    return np.asarray(edges / (contrast + NOISE), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Average:
+    """Edges averaged on a plane (rows, columns), the places `x` of the columns in the face frame, and how far below the
+    path's middle the rows are (`down`), in depths."""
+
+    edges: Singles
+    x: Floats
+    down: Floats
+
+    @property
+    def cell(self) -> float:
+        """The width of a column."""
+        return float(self.x[1] - self.x[0])
+
+    @cached_property
+    def roots(self) -> Singles:
+        """The square roots of the edges' sizes, at most 1."""
+        return np.asarray(cv2.sqrt(np.minimum(np.abs(self.edges), 1)), np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The scores (widths, columns) of pairs of columns on a plane, by their widths (in columns) and left columns."""
+
+    average: Average
+    widths: Ints
+    scores: Singles
+
+    def best(self, apart: float, most: int) -> list[tuple[float, int, int]]:
+        """Scores, left and right columns of the best pairs whose centres are so far apart, best first."""
+        scores, chosen = self.scores.copy(), list[tuple[float, int, int]]()
+        centres = self.average.x + self.widths[:, None] * self.average.cell / 2
+        while len(chosen) < most and scores.max() > LEAST_SCORE:
+            width, left = (int(k) for k in np.unravel_index(scores.argmax(), scores.shape))
+            chosen.append((float(scores[width, left]), left, left + int(self.widths[width])))
+            scores[np.abs(centres - centres[width, left]) < apart] = 0
+        return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class FaceSweep:
+    """The sweep for the face on one side of a drive: `metres` in the path's unit; where n cameras are (n, 3) in the face
+    frame, how they are turned (n, 3, 3), and the upright edges that each sees (ROWS, WIDTH)."""
+
+    metres: float
+    path_from_face: Floats
+    places: Floats
+    view_from_face: Floats
+    edges: Sequence[Singles]
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """Of the way along the face."""
+        return float(self.places[:, 0].min()), float(self.places[:, 0].max())
+
+    @cached_property
+    def half(self) -> float:
+        """Half of the way along the face."""
+        return (self.ends[1] - self.ends[0]) / 2
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Of the path (3,)."""
+        return np.array([sum(self.ends) / 2, *self.places[:, 1:].mean(axis=0)])
+
+    def plane(self) -> FacePlane | None:
+        """The nearest plane that stands out; None where no depth is seen by enough frames."""
+        depths = self._depths()
+        if len(depths) < 2:
+            return None
+        judged = [self._refined(*start) for start in self._proposals(depths)]
+        best = max(gain for gain, _ in judged)
+        shape = min((shape for gain, shape in judged if gain >= NEARER_GAIN * best), key=lambda shape: float(shape[0]))
+        rows = self.seen_rows(shape, NEAR_ROWS)
+        for part in (1.0, 0.5):
+            steps = part * np.array([0.005 * shape[0], 0.002, 0.004, 0.01 * shape[0], 0.01 * shape[0]])
+            shape = ascended(partial(self.score, rows=rows), shape, steps, 3)
+            rows = self.seen_rows(shape, rows)
+        heights = (-rows[1] * float(shape[0]), -rows[0] * float(shape[0]))
+        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, self.score(shape, rows))
+
+    def posts(self, plane: FacePlane) -> FacePosts:
+        """The candidates for posts on a plane: each at the depth, near the plane's, where it scores most."""
+        rows = (-plane.heights[1] / plane.depth, -plane.heights[0] / plane.depth)
+        usual, posts = self._usual_width(plane.shape, rows), list[tuple[float, float, float]]()
+        for nearer in NEARER:
+            pairs = self.pairs(self.average(plane.shape * [nearer, 1, 1, 1, 1], rows))
+            pairs.scores[np.abs(pairs.widths * pairs.average.cell - usual) > ALIKE_M / self.metres] = 0
+            best = pairs.best(APART_M / self.metres, MOST_POSTS)
+            posts += [(score, *edges_at(pairs.average, left, right)) for score, left, right in best]
+        kept = list[tuple[float, float, float]]()
+        for post in sorted(posts, reverse=True):
+            if len(kept) < MOST_POSTS and all(abs(post[1] - other[1]) > APART_M / self.metres for other in kept):
+                kept.append(post)
+        scores, centres, widths = np.array(kept).reshape(-1, 3).T
+        return FacePosts(scores, centres, widths, ratios(scores))
+
+    def average(self, shape: Floats, rows: Rows) -> Average:
+        """The edges of all frames, averaged on a plane of this shape (5,)."""
+        depth, lean, within = float(shape[0]), float(shape[2]), np.flatnonzero((rows[0] < DOWN) & (rows[1] > DOWN))
+        cell, tall, margin = depth / CELLS, depth * JOINED / FOCAL, (BEYOND_M + POSTS_M[1]) / self.metres
+        x, down, weights = np.arange(self.ends[0] - margin, self.ends[1] + margin, cell), DOWN[within], WEIGHTS[within]
+        depths, slopes = bent(shape, self.half, (self.places[:, 0] - self.middle[0]) / self.half)
+        total, weight = np.zeros((2, len(within), len(x)), np.float32)
+        for k, edges in enumerate(self.edges):
+            camera = round((self.places[k, 0] - x[0]) / cell)
+            first, last = max(camera - REACH, 0), min(camera + REACH, len(x))
+            right, below, off = x[first] - self.places[k, 0], down[0] * depth, self.middle - self.places[k]
+            ahead = depths[k] + slopes[k] * right + lean * below
+            from_cells = [[cell, 0, right], [0, tall, below + off[1]], [slopes[k] * cell, lean * tall, ahead + off[2]]]
+            laid = cv2.warpPerspective(
+                edges, CAMERA @ self.view_from_face[k] @ np.array(from_cells), (last - first, len(down)), flags=LINEAR
+            )
+            cv2.accumulateProduct(
+                weights[:, first - camera + REACH : last - camera + REACH], laid, total[:, first:last]
+            )
+            weight[:, first:last] += weights[:, first - camera + REACH : last - camera + REACH]
+        return Average(np.asarray(total / (weight + 1e-6), np.float32), x, down)
+
+    def pairs(self, average: Average, by: int = 1) -> Pairs:
+        """The pairs that are as wide as posts; of every so many widths."""
+        least, most = (round(width / self.metres / average.cell) for width in POSTS_M)
+        widths = np.arange(max(2, least), most + 1, by)
+        scores, roots = np.zeros((len(widths), len(average.x)), np.float32), average.roots
+        for line, width in zip(scores, widths.tolist(), strict=True):
+            np.einsum("yx,yx->x", roots[:, :-width], roots[:, width:], out=line[:-width])
+        scores /= len(roots)
+        beyond = BEYOND_M / self.metres
+        scores[:, (average.x < self.ends[0] - beyond) | (average.x > self.ends[1] + beyond)] = 0
+        return Pairs(average, widths, scores)
+
+    def best(self, shape: Floats, rows: Rows) -> tuple[list[tuple[float, int, int]], Average]:
+        """The pairs that a plane is judged by, fewer than a face has posts, and the average that they are in."""
+        average = self.average(shape, rows)
+        return self.pairs(average).best(BAY_M / self.metres, self._few), average
+
+    def score(self, shape: Floats, rows: Rows) -> float:
+        """The mean score of these pairs."""
+        return sum(score for score, _, _ in self.best(shape, rows)[0]) / self._few
+
+    def seen_rows(self, shape: Floats, rows: Rows) -> Rows:
+        """The rows over which the best pairs on a plane go on, beyond those given where they do."""
+        pairs, _ = self.best(shape, rows)
+        average = self.average(shape, ALL_ROWS)
+        lines = [average.roots[:, left] * average.roots[:, right] for _, left, right in pairs]
+        line = np.mean(lines or [np.zeros(ROWS)], axis=0)
+        gain = np.append(0.0, np.cumsum(line - GOES_ON * np.median(line[np.abs(DOWN) < MIDDLE])))
+        gains = np.triu(gain[1:] - gain[:-1, None])
+        first, last = np.unravel_index(gains.argmax(), gains.shape)
+        return float(DOWN[first]) - 0.01, float(DOWN[last]) + 0.01
+
+    @property
+    def _few(self) -> int:
+        return max(3, round(2 * self.half * self.metres / PAIR_M))
+
+    def _depths(self) -> Floats:
+        """The depths of the sweep: where enough frames see a cell."""
+        first = max(NEAREST_M / self.metres, LEAST_FRAMES * FOCAL / WIDTH * 2 * self.half / len(self.edges))
+        count = math.log(max(FARTHEST_M / self.metres / first, 1.0)) / math.log(STEP)
+        return np.asarray(first * STEP ** np.arange(int(count)))
+
+    def _proposals(self, depths: Floats) -> list[tuple[float, float, float]]:
+        """Depths and slopes of planes on which the best pairs stand out, and what pairs usually score at that depth."""
+        sides = np.linspace(-self.half, self.half, max(7, round(2 * self.half * self.metres / BAY_M)) + 1)
+        scores = np.array([self._by_bay(depth, sides) for depth in depths.tolist()])
+        lines = depths[:, None, None] + SLOPES[:, None] * (sides[1:] + sides[:-1]) / 2
+        steps = np.rint(np.log(np.maximum(lines / depths[0], 1.0)) / math.log(STEP)).astype(int)
+        on_lines = np.sort(scores[np.minimum(steps, len(depths) - 1), np.arange(len(sides) - 1)], axis=-1)
+        table = on_lines[..., -self._few :].mean(axis=-1)
+        usual = ndimage.median_filter(table.max(axis=1), USUAL, mode="nearest")
+        chosen = list[int]()
+        for k in np.argsort(usual - table.max(axis=1)).tolist():
+            if len(chosen) < PROPOSED and all(abs(k - other) * math.log(STEP) > APART for other in chosen):
+                chosen.append(k)
+        return [(float(depths[k]), float(SLOPES[table[k].argmax()]), float(usual[k])) for k in chosen]
+
+    def _by_bay(self, depth: float, sides: Floats) -> Floats:
+        """The best score of a pair on a plane, for each stretch of the way."""
+        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), NEAR_ROWS), 2)
+        first = np.searchsorted(pairs.average.x - self.middle[0], sides)
+        return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first)[:-1], np.float64)
+
+    def _refined(self, depth: float, slope: float, usual: float) -> tuple[float, Floats]:
+        """How much the best plane near a proposal stands out, and its shape: by what its pairs score over all of its
+        height more than usual, and by this height."""
+        steps = np.array([0.006 * depth, 0.002, 0.004, 0, 0])
+        shape = ascended(partial(self.score, rows=NEAR_ROWS), np.array([depth, slope, 0, 0, 0]), steps, 2)
+        rows = self.seen_rows(shape, NEAR_ROWS)
+        high = (rows[1] - rows[0]) * float(shape[0]) * self.metres
+        return (self.score(shape, rows) - usual) * math.sqrt(min(1.0, high / WHOLE_M)), shape
+
+    def _usual_width(self, shape: Floats, rows: Rows) -> float:
+        """The width that the best pairs of a plane have in common."""
+        best, average = self.best(shape, rows)
+        pairs, near = self.pairs(average), 0.1 / self.metres
+        centres = [(average.x[left] + average.x[right]) / 2 for _, left, right in best]
+        scores = [pairs.scores[:, np.abs(average.x - centre) < near].max(axis=1) for centre in centres]
+        return float(pairs.widths[np.argmax(np.sum(scores, axis=0))]) * average.cell
+
+
+def ascended(measure: Callable[[Floats], float], at: Floats, steps: Floats, rounds: int) -> Floats:
+    """Where a measure is greatest near a place (k,), coordinate by coordinate, by steps that are halved from round to
+    round."""
+    best = measure(at)
+    for halved in 0.5 ** np.arange(rounds):
+        for axis in np.flatnonzero(steps):
+            for step in (halved * steps[axis], -halved * steps[axis]):
+                there = at + step * (np.arange(len(at)) == axis)
+                while (value := measure(there)) > WORTH * best:
+                    at, best = there, value
+                    there = at + step * (np.arange(len(at)) == axis)
+    return at
+
+
+def edges_at(average: Average, left: int, right: int) -> tuple[float, float]:
+    """Centre and width of a pair, by where the columns' mean edges peak beside it, to a fraction of a column."""
+    line = np.minimum(np.abs(average.edges), 1.5).mean(axis=0)
+    reach = min(2, (right - left - 1) // 2)
+    places = []
+    for column in np.clip([left, right], 3, len(line) - 4).tolist():
+        peak = column - reach + int(line[column - reach : column + reach + 1].argmax())
+        before, here, after = line[peak - 1 : peak + 2].tolist()
+        bend = min(before - 2 * here + after, -1e-6)
+        places.append(peak + min(max(0.5 * (before - after) / bend, -0.5), 0.5))
+    return float(average.x[0]) + sum(places) / 2 * average.cell, (places[1] - places[0]) * average.cell
+
+
+def ratios(scores: Floats) -> Floats:
+    """The log-likelihood ratios (n,) of a post to another pair, by their scores (n,)."""
+    odds = np.log(np.maximum(scores, 1e-3) / np.maximum(1 - scores, 1e-3))
+    post, other = (-0.5 * ((odds - mean) / sigma) ** 2 - math.log(sigma) for mean, sigma in (POST, OTHER))
+    return np.asarray(np.clip(post - other, -BOUND, BOUND))
