@@ -66,11 +66,11 @@ def map_plane(video: Path, side: Side, distance_m: float, output: Path, monitor:
     Raises VideoError where the video cannot be read, StructureError where it tells no path, OutputError.
     """
     prepare(output)
-    beside = beside_drive(Pass(video=video, side=side), distance_m, monitor)
-    if beside.photo is not None:
-        write_bytes(output / "plane.jpg", beside.photo.picture.tobytes())
-    write_map(beside.site_map, output / "map.json")
-    return beside
+    result = beside_drive(Pass(video=video, side=side), distance_m, monitor)
+    if result.photo is not None:
+        write_bytes(output / "plane.jpg", result.photo.picture.tobytes())
+    write_map(result.site_map, output / "map.json")
+    return result
 
 
 def beside_drive(row_pass: Pass, distance_m: float, monitor: Monitor) -> BesideDrive:

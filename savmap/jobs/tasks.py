@@ -227,7 +227,7 @@ def request_for(job: Job, row: str) -> RowRequest:
         references=references_of(references),
         travel_m=references.travel_m,
         path=None if earlier is None else earlier.trajectory,
-        path_s=None if earlier is None else frozenset(earlier.frames.stamps_s.tolist()),
+        path_s=None if earlier is None else frozenset(zip(earlier.frames.passes, earlier.frames.stamps_s, strict=True)),
         calibration=calibration_of(job.site.row_calibration(row)),
         appearance=job.site.row_appearance(row),
         against=mapped_rows(job, row),

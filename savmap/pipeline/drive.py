@@ -16,6 +16,7 @@ import numpy as np
 
 from savmap.errors import SavmapError, StructureError, VideoError
 from savmap.files.journal import Journal
+from savmap.maps.map_file import FIGURE
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
 from savmap.pipeline.key_frames import KeyFrames, front
 from savmap.pipeline.networks import network_lines, with_best_networks
@@ -179,6 +180,7 @@ class Drive:
         self._journal, self._series = rows[0].journal, drive_of(rows[0].name, rows[0].plan.name)
         self._watch = PassWatch()
         self._follower, self._way, self._known = Follower(), Way([row.towards for row in rows]), list[DriveFrame]()
+        self._points = 0
         self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
         self._ahead: deque[tuple[dict[int, Panorama], Future[dict[int, Rendered | SavmapError]]]] = deque()
 
@@ -202,7 +204,8 @@ class Drive:
         kept, numbers = list[DriveFrame](), [row.next for row in self.rows]
         while (frame := self._journal.get(DriveFrame, self._series, len(kept))) is not None:
             wanted = [row.wants(frame.stamp_s, frame.is_key) for row in self.rows]
-            if not all(row.knows(number) for row, number, w in zip(self.rows, numbers, wanted, strict=True) if w):
+            asked = zip(self.rows, numbers, wanted, strict=True)
+            if not all(row.knows(number, frame.stamp_s) for row, number, w in asked if w):
                 break
             kept.append(frame)
             numbers = [number + w for number, w in zip(numbers, wanted, strict=True)]
@@ -211,6 +214,7 @@ class Drive:
         for number, frame in enumerate(self._known):
             self._watch.take(frame.stamp_s, unpacked_grey(frame.grey))
             self._way.take(frame.followed)
+            self._points = max(self._points, 1 + int(frame.followed.numbers.max(initial=-1)))
             for row in self.rows:
                 if row.wants(frame.stamp_s, frame.is_key):
                     row.take_known(number, frame.stamp_s, self._way)
@@ -221,7 +225,7 @@ class Drive:
     def add(self, panorama: Panorama) -> None:
         """Take the next frame; its number is that in the drive."""
         if panorama.frame < len(self._known):
-            self._follower.go_on(panorama, self._known[panorama.frame].followed)
+            self._follower.go_on(panorama, self._known[panorama.frame].followed, self._points)
             self._follower.forget(self._way.unfit)
             return
         grey = packed_grey(self._watch.update(panorama))
@@ -308,11 +312,12 @@ def before_face(path: WalkedPath, frames: Ints, fronts: Sequence[float]) -> Traj
     """The poses of some frames (n,) of a drive, numbered anew from 0, in the unit of the face's distance, where the
     longest part of the path knows them. `fronts`: how far the face lay before each, in the path's scale."""
     distances = np.array(fronts)
-    here = (path.part[frames] == path.longest) & np.isfinite(distances)
-    if not here.any():
+    here = path.part[frames] == path.longest
+    faced = here & np.isfinite(distances)
+    if not faced.any():
         return None
     poses = path.world_from_rig[frames[here]]
-    poses[:, :3, 3] /= float(np.median(distances[here]))
+    poses[:, :3, 3] /= float(np.median(distances[faced]))
     return Trajectory(np.flatnonzero(here), poses)
 
 
@@ -411,7 +416,7 @@ class RowWalk:
     def render(self, panorama: Panorama, views: dict[ViewSpec, View]) -> Rendered:
         """A panorama's views, about which the networks have been asked, what is cut of it, and its strip; its record,
         if an earlier run kept it. `views` has those that were rendered for other rows, by their direction and size."""
-        record = self.journal.get(FrameRecord, self.name, panorama.frame)
+        record = self._known(panorama.frame, panorama.stamp_s)
         if record is not None:
             return record
         shown = [self._view(panorama, spec, views) for spec in self.plan.plugins_by_view if spec.shows(panorama.frame)]
@@ -429,7 +434,8 @@ class RowWalk:
 
     def wants(self, stamp_s: float, is_key: bool) -> bool:
         """Whether the row is measured in a frame of the drive: a key frame, or one that an earlier map has."""
-        return is_key if self.request.path_s is None else stamp_s in self.request.path_s
+        path_s = self.request.path_s
+        return is_key if path_s is None else (self.plan.name, round(stamp_s, FIGURE)) in path_s
 
     def counted(self, number: int, way: Way) -> int:
         """The number in the row of the latest frame of a way, which has this one in the drive."""
@@ -446,13 +452,19 @@ class RowWalk:
         if laid is not None:
             self.laid[self.plan.name] = replace(laid, frames=laid.frames + self.next - len(self.keys))
 
-    def knows(self, number: int) -> bool:
+    def knows(self, number: int, stamp_s: float) -> bool:
         """Whether a frame need not be seen again."""
-        return not self.request.gauge_references.markers and self.journal.has(self.name, number)
+        return not self.request.gauge_references.markers and self._known(number, stamp_s) is not None
+
+    def _known(self, number: int, stamp_s: float) -> FrameRecord | None:
+        """What an earlier run measured in the frame of this number, where it was the same one: beside other rows, a row
+        may have had more frames."""
+        record = self.journal.get(FrameRecord, self.name, number)
+        return record if record is not None and record.stamp_s == stamp_s else None
 
     def take_known(self, number: int, stamp_s: float, way: Way) -> None:
         """Take what an earlier run kept of the latest frame of a way, which has this number in the drive."""
-        record = self.journal.get(FrameRecord, self.name, self.counted(number, way))
+        record = self._known(self.counted(number, way), stamp_s)
         if record is not None:
             self._keep(stamp_s, record)
 
@@ -592,7 +604,7 @@ class RowWalk:
                     packed_views[plugin.name].append(PackedView.of(view, seen))
                     maps[plugin.name][view.spec.name] = packed_maps(seen)
         tones = {name: tones_of(shown) for name, shown in looked.items()}
-        return FrameRecord(features, packed_views, cuts, tones), maps
+        return FrameRecord(features, packed_views, cuts, tones, panorama.stamp_s), maps
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]

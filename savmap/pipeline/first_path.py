@@ -42,18 +42,19 @@ def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
     paths = list[Trajectory]()
     for row_pass in dict.fromkeys(frames.passes):
         here = np.isin(walked.frames, frames.of_pass(row_pass)) if walked is not None else np.zeros(0, np.bool_)
-        if walked is None or here.sum() < LEAST_FRAMES:
+        looked_at = [item.frame for item in row.packed_views[plugin.name]]
+        if walked is None or np.isin(walked.frames[here], looked_at).sum() < LEAST_FRAMES:
             raise StructureError(
-                f"row {name}, {row_pass}: the camera's path is not known, for too few points could be followed from "
-                f"frame to frame; film more slowly, where it is brighter, or give more frames a second"
+                f"row {name}, {row_pass}: the camera's path is not known: it hardly moves, or too few points could be "
+                f"followed from frame to frame; film more slowly, where it is brighter, or give more frames a second"
             )
         path = Trajectory(walked.frames[here], walked.world_from_rig[here])
         paths.append(_before_face(row, plugin, path, attitudes[path.frames]))
         travelled = float(np.ptp(paths[-1].world_from_rig[:, 0, 3]) / np.median(paths[-1].world_from_rig[:, 2, 3]))
         if travelled < LEAST_TRAVEL:
             raise StructureError(
-                f"row {name}: too little motion: the camera moved {travelled:.2f} of its distance from the face"
-                f" ({LEAST_TRAVEL} are needed)"
+                f"row {name}, {row_pass}: too little motion: the camera moved {travelled:.2f} of its distance from the "
+                f"face ({LEAST_TRAVEL} are needed)"
             )
     return paths
 
@@ -63,7 +64,8 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
     sharpest."""
     turn = Rotation.from_matrix(middle_rotation(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
     facts, packed = row.measurements.facts, row.packed_views[plugin.name]
-    few = np.unique(np.linspace(0, len(path.frames) - 1, MOST_FRAMES).astype(int))
+    looked_at = np.flatnonzero(np.isin(path.frames, [item.frame for item in packed]))
+    few = looked_at[np.unique(np.linspace(0, len(looked_at) - 1, MOST_FRAMES).astype(int))]
     some = Trajectory(path.frames[few], path.world_from_rig[few])
     maps = {(item.frame, item.view): item.probabilities() for item in packed if item.frame in some.frames}
     halved = {key: maps[key] for key in [*maps][::2]}

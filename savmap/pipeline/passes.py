@@ -54,7 +54,7 @@ class _Middles:
         middles = np.array([item.outline[:, :2].mean(axis=0) for item in objects if item.is_mapped]).reshape(-1, 2)
         sizes = np.array([np.ptp(item.outline[:, :2], axis=0) for item in objects if item.is_mapped]).reshape(-1, 2)
         is_tall = sizes[:, 1] > sizes[:, 0]
-        return cls(np.sort(middles[is_tall, 0]), middles[~is_tall])
+        return cls(np.unique(middles[is_tall, 0]), middles[~is_tall])
 
     def laid(self, other: "_Middles", scale: float, slide: float) -> Laid | None:
         near = NEAR * float(np.median(np.diff(self.tall)))

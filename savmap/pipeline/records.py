@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import nan
 from typing import TypeVar
 
 from savmap.errors import SavmapError
@@ -39,12 +40,13 @@ After = TypeVar("After")
 @dataclass(frozen=True, eq=False)
 class FrameRecord:
     """What was measured in one frame, and is kept while others are measured: features and packed views by plugin, what
-    was cut of it, and by plugin which shares of its views are dark, and overexposed."""
+    was cut of it, by plugin which shares of its views are dark, and overexposed, and its time in the video."""
 
     features: Mapping[str, Sequence[Feature]]
     packed_views: Mapping[str, Sequence[PackedView]] = field(default_factory=dict)
     cuts: Sequence[Cut] = ()
     tones: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    stamp_s: float = nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +96,10 @@ class RowMeasurements:
 class RowRequest:
     """One row to be mapped: its passes, the plugins that look at them, its references, and settings.
 
-    `path`: the camera's path where an earlier map gives it, and `path_s` the times of its frames. `calibration`: what
-    of the camera is estimated. `appearance`: whether points of any kind help with the camera's motion. `strips`:
-    whether strips of the frames are kept for an orthophoto; `stills`: whether panoramas are, to be looked at.
-    `against`: mapped rows, by name, in one of which it is recognised.
+    `path`: the camera's path where an earlier map gives it, and `path_s` the passes and times of its frames, as they
+    are in that map. `calibration`: what of the camera is estimated. `appearance`: whether points of any kind help with
+    the camera's motion. `strips`: whether strips of the frames are kept for an orthophoto; `stills`: whether panoramas
+    are, to be looked at. `against`: mapped rows, by name, in one of which it is recognised.
     """
 
     name: str
@@ -106,7 +108,7 @@ class RowRequest:
     references: References
     travel_m: float | None = None
     path: Trajectory | None = None
-    path_s: frozenset[float] | None = None
+    path_s: frozenset[tuple[str, float]] | None = None
     calibration: Calibration | None = None
     appearance: bool = False
     strips: bool = False

@@ -90,10 +90,10 @@ class Follower:
         kept = ~np.isin(self._numbers, numbers)
         self._numbers, self._pixels = self._numbers[kept], self._pixels[kept]
 
-    def go_on(self, panorama: Panorama, followed: Followed) -> None:
-        """Go on from a frame to which these points were followed."""
+    def go_on(self, panorama: Panorama, followed: Followed, next_number: int) -> None:
+        """Go on from a frame to which these points were followed; new ones get numbers from the next one on."""
         self._last, self._numbers, self._pixels = _wide(seen(panorama)), followed.numbers, followed.pixels
-        self._next = int(followed.numbers.max(initial=-1)) + 1
+        self._next = next_number
 
     def _move(self, last: Grey, wide: Grey) -> None:
         begin = (self._pixels + np.array([PAD, 0], np.float32))[:, None]

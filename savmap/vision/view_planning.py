@@ -381,7 +381,7 @@ def _elevations(pass_preview: PassPreview, face: Face, spec: ViewSpec, extent: E
     """Of the key frames only so many are asked as it takes to see that the frame cuts the structure below and above."""
     ends = np.zeros((0, 2))
     few = _evenly(pass_preview.keys)
-    for panorama in [*few, *(key for key in pass_preview.keys if all(key is not one for one in few))]:
+    for panorama in [*few, *(key for key in pass_preview.keys if all(key is not asked for asked in few))]:
         rows = extent(pass_preview.view(panorama, spec))
         ends = ends if rows is None else np.vstack([ends, rows])
         if ((ends == [0, spec.height - 1]).sum(axis=0) > CUT_SHARE * len(pass_preview.keys)).all():

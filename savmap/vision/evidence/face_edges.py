@@ -92,7 +92,7 @@ WEIGHTS: Singles = np.asarray(
 
 Rows = tuple[float, float]
 """Between which rows are taken, in depths below the path's middle."""
-NEAR_ROWS: Rows = (-1.0, 1.0)
+NEAR_M = 1.5
 ALL_ROWS: Rows = (-9.0, 9.0)
 
 
@@ -296,10 +296,10 @@ class FaceSweep:
         judged = [self._refined(*start) for start in self._proposals(depths)]
         best = max(gain for gain, _ in judged)
         shape = min((shape for gain, shape in judged if gain >= NEARER_GAIN * best), key=lambda shape: float(shape[0]))
-        rows = self.seen_rows(shape, NEAR_ROWS)
+        rows = self.seen_rows(shape, self.near_rows(float(shape[0])))
         for part in (1.0, 0.5):
             steps = part * np.array([0.005 * shape[0], 0.002, 0.004, 0.01 * shape[0], 0.01 * shape[0]])
-            shape = ascended(partial(self.score, rows=rows), shape, steps, 3)
+            shape = ascended(partial(self.strength, rows=rows), shape, steps, 3)
             rows = self.seen_rows(shape, rows)
         heights = (-rows[1] * float(shape[0]), -rows[0] * float(shape[0]))
         return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, self.score(shape, rows))
@@ -363,6 +363,17 @@ class FaceSweep:
         """The mean score of these pairs."""
         return sum(score for score, _, _ in self.best(shape, rows)[0]) / self._few
 
+    def strength(self, shape: Floats, rows: Rows) -> float:
+        """The sum of the squared scores of all pairs."""
+        average = self.average(shape, rows)
+        pairs = self.pairs(average).best(BAY_M / self.metres, round(2 * self.half * self.metres / BAY_M))
+        return sum(score**2 for score, _, _ in pairs)
+
+    def near_rows(self, depth: float) -> Rows:
+        """The rows before the camera."""
+        most = max(1.0, NEAR_M / self.metres / depth)
+        return -most, most
+
     def seen_rows(self, shape: Floats, rows: Rows) -> Rows:
         """The rows over which the best pairs on a plane go on, beyond those given where they do."""
         pairs, _ = self.best(shape, rows)
@@ -401,16 +412,17 @@ class FaceSweep:
 
     def _by_bay(self, depth: float, sides: Floats) -> Floats:
         """The best score of a pair on a plane, for each stretch of the way."""
-        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), NEAR_ROWS), 2)
+        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), self.near_rows(depth)), 2)
         first = np.searchsorted(pairs.average.x - self.middle[0], sides)
         return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first)[:-1], np.float64)
 
     def _refined(self, depth: float, slope: float, usual: float) -> tuple[float, Floats]:
         """How much the best plane near a proposal stands out, and its shape: by what its pairs score over all of its
         height more than usual, and by this height."""
-        steps = np.array([0.006 * depth, 0.002, 0.004, 0, 0])
-        shape = ascended(partial(self.score, rows=NEAR_ROWS), np.array([depth, slope, 0, 0, 0]), steps, 2)
-        rows = self.seen_rows(shape, NEAR_ROWS)
+        near = partial(self.strength, rows=self.near_rows(depth))
+        starts = [np.array([d, s, 0, 0, 0]) for d in (0.995 * depth, depth, 1.005 * depth) for s in SLOPES.tolist()]
+        shape = ascended(near, max(starts, key=near), np.array([0.006 * depth, 0.002, 0.004, 0, 0]), 2)
+        rows = self.seen_rows(shape, self.near_rows(depth))
         high = (rows[1] - rows[0]) * float(shape[0]) * self.metres
         return (self.score(shape, rows) - usual) * math.sqrt(min(1.0, high / WHOLE_M)), shape
 
