@@ -167,7 +167,10 @@ def survey_on_face(site: Path, face: FaceMeasurements) -> LaidSurvey:
     name = face.row.request.name
     truth = json.loads(site.with_name("poses.json").read_text(encoding="utf-8"))
     frame = truth["rows"][name]
-    poses = np.array([truth["frames"][number]["world_from_rig"] for number in face.path.frames.tolist()])
+    stamps_s = np.array([shot["stamp_s"] for shot in truth["frames"]])
+    filmed = face.row.measurements.facts.frames.stamps_s[face.path.frames]
+    nearest = np.abs(stamps_s[:, None] - filmed).argmin(axis=0)
+    poses = np.array([truth["frames"][number]["world_from_rig"] for number in nearest.tolist()])
     places = (poses[:, :3, 3] - frame["origin"]) @ np.array(frame["world_from_row"])
     survey = read_survey(site.with_name("survey.json")).rows[name]
     laid = LaidSurvey.by_path(survey, face.path.world_from_rig[:, :3, 3], places)
