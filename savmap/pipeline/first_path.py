@@ -16,15 +16,15 @@ from savmap.geometry.poses import middle_rotation
 from savmap.pipeline.path import attitudes_of
 from savmap.pipeline.records import WalkedRow
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Floats, Trajectory
+from savmap.types import Floats, Ints, Trajectory
 from savmap.vision.evidence import sharpness, upright_patch
 from savmap.vision.networks.segmenter import Probabilities
 
 LEAST_TRAVEL, LEAST_FRAMES = 0.2, 3
 """Along the face, in distances from it."""
-MOST_FRAMES = 24
-"""That tell the distance."""
-RATIOS, FINE = np.geomspace(0.3, 3.0, 58), np.geomspace(0.97, 1.03, 7)
+MOST_FRAMES, FEWER = 24, 12
+"""That tell the distance, and roughly: neighbours, for what single frames show is sharp at any distance."""
+RATIOS, FINE = np.geomspace(0.45, 2.2, 41), np.geomspace(0.97, 1.03, 7)
 """Distances that are tried, as shares of that of the points before the face, and then of the best of these."""
 TURNS_DEG = np.linspace(-1.0, 1.0, 9)
 CELL = 0.025
@@ -65,10 +65,10 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
     turn = Rotation.from_matrix(middle_rotation(attitudes @ path.world_from_rig[:, :3, :3].transpose(0, 2, 1)))
     facts, packed = row.measurements.facts, row.packed_views[plugin.name]
     looked_at = np.flatnonzero(np.isin(path.frames, [item.frame for item in packed]))
-    few = looked_at[np.unique(np.linspace(0, len(looked_at) - 1, MOST_FRAMES).astype(int))]
+    few = _middle(looked_at, MOST_FRAMES)
     some = Trajectory(path.frames[few], path.world_from_rig[few])
     maps = {(item.frame, item.view): item.probabilities() for item in packed if item.frame in some.frames}
-    halved = {key: maps[key] for key in [*maps][::2]}
+    fewer = {key: shown for key, shown in maps.items() if key[0] in _middle(some.frames, FEWER)}
 
     def sharpest(ways: Iterable[Way], shown: Mapping[tuple[int, str], Probabilities]) -> Way:
         def sharp(way: Way) -> float:
@@ -77,12 +77,18 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
 
         return max(ways, key=sharp)
 
-    distance, _ = sharpest(((ratio, turn) for ratio in RATIOS.tolist()), halved)
+    distance, _ = sharpest(((ratio, turn) for ratio in RATIOS.tolist()), fewer)
     for _ in range(2):
         turns = [Rotation.from_euler("y", angle, degrees=True) * turn for angle in TURNS_DEG.tolist()]
         distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
         _, turn = sharpest(((distance, turned) for turned in turns), maps)
     return _moved(path, turn, distance)
+
+
+def _middle(frames: Ints, most: int) -> Ints:
+    """At most so many of the frames (n,), amid the others."""
+    first = max(len(frames) - most, 0) // 2
+    return frames[first : first + most]
 
 
 def _moved(path: Trajectory, turn: Rotation, distance: float) -> Trajectory:

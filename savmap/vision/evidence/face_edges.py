@@ -59,6 +59,10 @@ PROPOSED, APART, USUAL = 4, 0.05, 45
 NEARER_GAIN = 0.5
 """The nearest plane that stands out by this share of the best one is the face: others are seen through it."""
 LEAST_SCORE = 1e-6
+ENOUGH = 16.0
+SIGMAS: Floats = np.array([0.01, 0.01, 0.02, 0.02])
+PRIOR = 0.05
+LEAST_GAIN = 0.25
 LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 GOES_ON, MIDDLE = 0.4, 0.6
 """A face is as high as pairs have this share of the edges that they have before the camera, up to so many depths above
@@ -320,21 +324,25 @@ class FaceSweep:
         scores, centres, widths = np.array(kept).reshape(-1, 3).T
         return FacePosts(scores, centres, widths, ratios(scores))
 
-    def average(self, shape: Floats, rows: Rows) -> Average:
-        """The edges of all frames, averaged on a plane of this shape (5,)."""
+    def average(self, shape: Floats, rows: Rows, most: float = np.inf) -> Average:
+        """The edges averaged on a plane of this shape (5,); of so many frames a cell."""
         depth, lean, within = float(shape[0]), float(shape[2]), np.flatnonzero((rows[0] < DOWN) & (rows[1] > DOWN))
         cell, tall, margin = depth / CELLS, depth * JOINED / FOCAL, (BEYOND_M + POSTS_M[1]) / self.metres
         x, down, weights = np.arange(self.ends[0] - margin, self.ends[1] + margin, cell), DOWN[within], WEIGHTS[within]
         depths, slopes = bent(shape, self.half, (self.places[:, 0] - self.middle[0]) / self.half)
         total, weight = np.zeros((2, len(within), len(x)), np.float32)
-        for k, edges in enumerate(self.edges):
+        seen_by = WIDTH / FOCAL * depth / (2 * self.half / len(self.edges))
+        for k in range(0, len(self.edges), max(1, int(seen_by / most))):
             camera = round((self.places[k, 0] - x[0]) / cell)
             first, last = max(camera - REACH, 0), min(camera + REACH, len(x))
             right, below, off = x[first] - self.places[k, 0], down[0] * depth, self.middle - self.places[k]
             ahead = depths[k] + slopes[k] * right + lean * below
             from_cells = [[cell, 0, right], [0, tall, below + off[1]], [slopes[k] * cell, lean * tall, ahead + off[2]]]
             laid = cv2.warpPerspective(
-                edges, CAMERA @ self.view_from_face[k] @ np.array(from_cells), (last - first, len(down)), flags=LINEAR
+                self.edges[k],
+                CAMERA @ self.view_from_face[k] @ np.array(from_cells),
+                (last - first, len(down)),
+                flags=LINEAR,
             )
             cv2.accumulateProduct(
                 weights[:, first - camera + REACH : last - camera + REACH], laid, total[:, first:last]
@@ -363,11 +371,12 @@ class FaceSweep:
         """The mean score of these pairs."""
         return sum(score for score, _, _ in self.best(shape, rows)[0]) / self._few
 
-    def strength(self, shape: Floats, rows: Rows) -> float:
-        """The sum of the squared scores of all pairs."""
-        average = self.average(shape, rows)
+    def strength(self, shape: Floats, rows: Rows, most: float = np.inf) -> float:
+        """The sum of the squared scores of all pairs, less for a shape that is not a likely one."""
+        average = self.average(shape, rows, most)
         pairs = self.pairs(average).best(BAY_M / self.metres, round(2 * self.half * self.metres / BAY_M))
-        return sum(score**2 for score, _, _ in pairs)
+        unlikely = np.square(shape[1:] / SIGMAS / [1, 1, shape[0], shape[0]]).sum()
+        return sum(score**2 for score, _, _ in pairs) * math.exp(-PRIOR * float(unlikely))
 
     def near_rows(self, depth: float) -> Rows:
         """The rows before the camera."""
@@ -405,21 +414,26 @@ class FaceSweep:
         table = on_lines[..., -self._few :].mean(axis=-1)
         usual = ndimage.median_filter(table.max(axis=1), USUAL, mode="nearest")
         chosen = list[int]()
-        for k in np.argsort(usual - table.max(axis=1)).tolist():
-            if len(chosen) < PROPOSED and all(abs(k - other) * math.log(STEP) > APART for other in chosen):
+        gains = table.max(axis=1) - usual
+        for k in np.argsort(-gains).tolist():
+            if (
+                gains[k] > LEAST_GAIN * gains.max()
+                and len(chosen) < PROPOSED
+                and all(abs(k - other) * math.log(STEP) > APART for other in chosen)
+            ):
                 chosen.append(k)
         return [(float(depths[k]), float(SLOPES[table[k].argmax()]), float(usual[k])) for k in chosen]
 
     def _by_bay(self, depth: float, sides: Floats) -> Floats:
         """The best score of a pair on a plane, for each stretch of the way."""
-        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), self.near_rows(depth)), 2)
+        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), self.near_rows(depth), ENOUGH), 2)
         first = np.searchsorted(pairs.average.x - self.middle[0], sides)
         return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first)[:-1], np.float64)
 
     def _refined(self, depth: float, slope: float, usual: float) -> tuple[float, Floats]:
         """How much the best plane near a proposal stands out, and its shape: by what its pairs score over all of its
         height more than usual, and by this height."""
-        near = partial(self.strength, rows=self.near_rows(depth))
+        near = partial(self.strength, rows=self.near_rows(depth), most=ENOUGH)
         starts = [np.array([d, s, 0, 0, 0]) for d in (0.995 * depth, depth, 1.005 * depth) for s in SLOPES.tolist()]
         shape = ascended(near, max(starts, key=near), np.array([0.006 * depth, 0.002, 0.004, 0, 0]), 2)
         rows = self.seen_rows(shape, self.near_rows(depth))
