@@ -84,6 +84,11 @@ BENCHES: Mapping[str, Bench] = {
     "split": Bench(
         "Does `savmap split` find the passes of a long recording?", 10, {"missed": "less", "spurious": "less"}
     ),
+    "odometry": Bench(
+        "Are paths of visual odometry true in their shape, and what do they cost, beside pycolmap's?",
+        12,
+        {"good %": "more", "median %": "less", "95 of 100 %": "less", "worst %": "less", "lost": "less"},
+    ),
     "adapt": Bench(
         "Does `savmap adapt` teach a network a style without labels?",
         400,

@@ -111,7 +111,7 @@ def peers(video: Path, every: int) -> Walk:
         pycolmap.match_sequential(database, {"num_threads": 1}, {"overlap": PEERS_OVERLAP, "num_threads": 1})
         models = pycolmap.incremental_mapping(database, folder, temporary, {"num_threads": 1})
         seconds = (time.process_time() - begun) / total
-    images = max((model.images.values() for model in models.values()), key=len, default=())
+    images = max(models.values(), key=lambda model: model.num_reg_images()).images.values() if models else ()
     places = {every * int(image.name[:6]): image.projection_center() for image in images if image.has_pose}
     numbers = np.array(sorted(places), np.int64)
     return Walk(numbers, np.array([places[k] for k in numbers]).reshape(-1, 3), total - len(places), seconds)

@@ -10,7 +10,7 @@ from savmap.vision.odometry import Followed, Odometry
 
 SHARE = 0.3
 """Of its distance from the face, by which the camera moves on from one key frame to the next."""
-AROUND_DEG, FRONT = 40.0, 0.25
+AROUND_DEG, FRONT = 40.0, 0.15
 """The face is where this share of the points is nearer, of those about its direction."""
 PARALLAX_RAD = 0.1
 """By which the points move, where the path is not known."""

@@ -258,16 +258,18 @@ def test_follower_goes_on_from_a_kept_frame_as_if_not_cut_off() -> None:
     panoramas, follower, frames = turning(8), Follower(), []
     for panorama in panoramas:
         frames.append(follower.update(panorama))
-        follower.forget(frames[-1].numbers[::50])
+        follower.forget(frames[-1].numbers[-40:])
+    begun = [int(frame.numbers.max()) + 1 for frame in frames]
+    assert begun[3] < begun[0] < begun[-1], "the newest points are lost, and others begin later"
     kept = unpacked(packed(frames[3]), Followed)
     later = Follower()
-    later.go_on(panoramas[3], kept)
-    later.forget(kept.numbers[::50])
+    later.go_on(panoramas[3], kept, max(begun[:4]))
+    later.forget(kept.numbers[-40:])
     for panorama, frame in zip(panoramas[4:], frames[4:], strict=True):
         again = later.update(panorama)
         np.testing.assert_array_equal(again.numbers, frame.numbers)
         np.testing.assert_array_equal(again.pixels, frame.pixels)
-        later.forget(again.numbers[::50])
+        later.forget(again.numbers[-40:])
 
 
 def test_followed_points_and_paths_are_stored_to_the_last_bit() -> None:

@@ -38,65 +38,61 @@ FOCAL, WIDTH, HEIGHT, JOINED = 192, 640, 1280, 8
 SPARSE = 8
 """Rays are computed for every eighth pixel, and interpolated between."""
 WINDOW_PX, NOISE = 8.0, 1.5
-"""Sigma of the window whose contrast an edge is divided by; grey levels that are added to it."""
-STEPS = 32.0
-"""Of a packed edge, in 1: edges up to 4 fit into a byte."""
+"""Sigma of the window whose contrast an edge is divided by, and grey levels that are added to this."""
+UNIT = 32.0
+"""Steps of a packed edge in 1: edges up to 4 fit into a byte."""
 CELLS = 150
 """Columns of averaged edges in a depth of the face."""
-REACH = WIDTH * CELLS // (2 * FOCAL)
-"""Columns that a camera sees to either side."""
-LEAST_FRAMES = 6
-"""That see a cell: where fewer do, anything scores."""
+LEAST_FRAMES, ENOUGH = 6, 16
+"""Frames that see a cell: where fewer do, anything scores; so many are enough for the sweep."""
 NEAREST_M, FARTHEST_M, STEP = 0.45, 3.5, 1.01
 """Depths of the sweep, and the factor from each to the next."""
 SLOPES: Floats = np.arange(-4, 5) * 0.0025
+"""Of the depth along the way, which are tried."""
 BAY_M, PAIR_M = 1.0, 4.0
-"""While a plane is judged: the least distance of pairs, and the way for which there is one; a face has more."""
-WHOLE_M = 4.0
-"""A face of this height counts whole; a lower one by the square root of its share."""
-PROPOSED, APART, USUAL = 4, 0.05, 45
-"""Depths that are refined, how much two of these differ, and over how many depths what is usual is a running median."""
-NEARER_GAIN = 0.5
-"""The nearest plane that stands out by this share of the best one is the face: others are seen through it."""
-LEAST_SCORE = 1e-6
-ENOUGH = 16.0
+"""While a plane is judged: one pair counts in a bay of this length, and a face has more than one for the other."""
+USUAL, MARGIN = 45, 0.05
+"""Over how many depths what bays usually score is a running median; what exceeds it by this counts."""
+PEAK, SHARE, NEARER = 9, 0.3, 0.88
+"""The face is the plane that stands out most; or the nearest one that stands out over so many depths, by this share of
+the former, and nearer than this share of its depth: rows behind a face are seen through it."""
+NEAR_M = 1.5
+"""Above and below the path, at least: the rows by which planes are sought."""
+ASCENTS, ROUNDS, WORTH = (1.0, 0.5), 3, 1.0005
+"""Shares of the first steps to the best shape, how often steps are halved, and the factor by which one must be better."""
 SIGMAS: Floats = np.array([0.01, 0.01, 0.02, 0.02])
+"""Of slope, lean, and, in depths, bend and twist."""
 PRIOR = 0.05
-LEAST_GAIN = 0.25
-LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+"""The share by which a plane stands out less where one of them is sqrt(2) sigma."""
 GOES_ON, MIDDLE = 0.4, 0.6
-"""A face is as high as pairs have this share of the edges that they have before the camera, up to so many depths above
-and below it."""
+"""A face is as high as pairs have this share of the edges that they have up to so many depths above and below the path."""
 POSTS_M, ALIKE_M, APART_M, MOST_POSTS = (0.03, 0.16), 0.017, 0.2, 40
-"""Widths of posts; how much they differ in a face; the least distance of candidates, and how many there are at most."""
+"""Widths of posts, how much those of a face differ, the least distance of candidates, and how many they are at most."""
 BEYOND_M = 0.3
-"""The ends of the way, there are no candidates."""
-NEARER = (1.0, 0.98, 0.99, 1.01, 1.02)
-"""Depths of a post, in that of the face."""
+"""The ends of the way: there are no candidates."""
+DEPTHS = (1.0, 0.98, 0.99, 1.01, 1.02)
+"""Of a post, in that of the face."""
 POST, OTHER, BOUND = (0.97, 0.72), (-2.08, 0.52), 6.0
 """Log odds of the scores of 107 posts and 680 other pairs of 20 faces, mean and sigma; and where their log-likelihood
 ratio is cut, for the tails are not known."""
-STANDS = 0.3
-"""Least score of a face: right planes had 0.5 to 0.9, empty sides 0.1."""
+STANDS = 0.1
+"""By which the score of a face exceeds what is usual at its depth, at least."""
 LEAST_SUPPORT = 0.25
 """Of the building's axes."""
-WORTH = 1.0005
-"""The factor by which a step must be better."""
 
-ROWS = HEIGHT // JOINED
+LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+ROWS, REACH = HEIGHT // JOINED, WIDTH * CELLS // (2 * FOCAL)
+"""Of averaged edges: the rows, and the columns that a camera sees to either side."""
 CAMERA: Floats = np.array([[FOCAL, 0, WIDTH / 2 - 0.5], [0, FOCAL / JOINED, ROWS / 2 - 0.5], [0, 0, 1]])
 """Calibration matrix (3, 3) of the view with its rows joined."""
 DOWN: Floats = (np.arange(ROWS) + 0.5 - ROWS / 2) * JOINED / FOCAL
-"""Of the rows of averaged edges below the path's middle, in depths."""
+"""Of the rows below the path's middle, in depths."""
 WEIGHTS: Singles = np.asarray(
     (1 + ((np.arange(2 * REACH) - REACH) / CELLS) ** 2 + DOWN[:, None] ** 2) ** -1.5, np.float32
 )
 """Of the cells that a camera sees: the solid angle, up to a factor."""
-
-
 Rows = tuple[float, float]
 """Between which rows are taken, in depths below the path's middle."""
-NEAR_M = 1.5
 ALL_ROWS: Rows = (-9.0, 9.0)
 
 
@@ -107,7 +103,8 @@ class FacePlane:
 
     `shape` (5,): the depth from the path's `middle` (3,), how it changes along x (slope) and y (lean), and what a
     drifting path adds to it along the way, quadratic and cubic; `half`: of the way's length along x. `heights`: above
-    the middle, between which the face is seen. `score`: the mean of its best pairs over these.
+    the middle, between which the face is seen. `score`: the mean of its best pairs over these; `usual`: what the best
+    pairs of bays score where nothing stands.
     """
 
     path_from_face: Floats
@@ -116,6 +113,7 @@ class FacePlane:
     shape: Floats
     heights: tuple[float, float]
     score: float
+    usual: float
 
     @property
     def depth(self) -> float:
@@ -125,7 +123,7 @@ class FacePlane:
     @property
     def stands(self) -> bool:
         """Whether a face stands on this side."""
-        return self.score >= STANDS
+        return self.score - self.usual > STANDS
 
     def points(self, x: Floats, height: float = 0.0) -> Floats:
         """Points (n, 3) of the face, in the path's frame, at places x (n,) in the face frame and a height."""
@@ -188,7 +186,7 @@ class FaceEdges:
 
     def add(self, frame: int, panorama: Panorama, rig_from_face: Floats) -> None:
         """Take a frame of the drive. `rig_from_face` (3, 3): the face frame as the rig stands, to a few degrees."""
-        edges = np.rint(STEPS * upright_edges(square_view(seen(panorama), rig_from_face))) + 128
+        edges = np.rint(UNIT * upright_edges(square_view(seen(panorama), rig_from_face))) + 128
         self._frames.append(frame)
         self._rig_from_view.append(rig_from_face)
         self._packed.append(np.clip(edges, 0, 255).astype(np.uint8))
@@ -202,7 +200,7 @@ class FaceEdges:
         poses = path.world_from_rig[[self._frames[k] for k in kept]]
         path_from_view = poses[:, :3, :3] @ np.array([self._rig_from_view[k] for k in kept])
         face = middle_rotation(path_from_view) if path_from_face is None else path_from_face
-        edges = [(self._packed[k].astype(np.float32) - 128) / np.float32(STEPS) for k in kept]
+        edges = [(self._packed[k].astype(np.float32) - 128) / np.float32(UNIT) for k in kept]
         return FaceSweep(metres, face, poses[:, :3, 3] @ face, path_from_view.transpose(0, 2, 1) @ face, edges)
 
 
@@ -259,7 +257,7 @@ class Pairs:
         """Scores, left and right columns of the best pairs whose centres are so far apart, best first."""
         scores, chosen = self.scores.copy(), list[tuple[float, int, int]]()
         centres = self.average.x + self.widths[:, None] * self.average.cell / 2
-        while len(chosen) < most and scores.max() > LEAST_SCORE:
+        while len(chosen) < most and scores.max() > 0.01:
             width, left = (int(k) for k in np.unravel_index(scores.argmax(), scores.shape))
             chosen.append((float(scores[width, left]), left, left + int(self.widths[width])))
             scores[np.abs(centres - centres[width, left]) < apart] = 0
@@ -287,6 +285,11 @@ class FaceSweep:
         """Half of the way along the face."""
         return (self.ends[1] - self.ends[0]) / 2
 
+    @property
+    def _apart(self) -> float:
+        """From a frame to the next."""
+        return 2 * self.half / len(self.edges)
+
     @cached_property
     def middle(self) -> Floats:
         """Of the path (3,)."""
@@ -295,25 +298,24 @@ class FaceSweep:
     def plane(self) -> FacePlane | None:
         """The nearest plane that stands out; None where no depth is seen by enough frames."""
         depths = self._depths()
-        if len(depths) < 2:
+        if not len(depths):
             return None
-        judged = [self._refined(*start) for start in self._proposals(depths)]
-        best = max(gain for gain, _ in judged)
-        shape = min((shape for gain, shape in judged if gain >= NEARER_GAIN * best), key=lambda shape: float(shape[0]))
-        rows = self.seen_rows(shape, self.near_rows(float(shape[0])))
-        for part in (1.0, 0.5):
-            steps = part * np.array([0.005 * shape[0], 0.002, 0.004, 0.01 * shape[0], 0.01 * shape[0]])
-            shape = ascended(partial(self.strength, rows=rows), shape, steps, 3)
-            rows = self.seen_rows(shape, rows)
+        depth, slope, usual = self._start(depths)
+        shape, rows = np.array([depth, slope, 0, 0, 0]), self._before(depth)
+        for part in ASCENTS:
+            steps = part * np.array([0.01 * depth, 0.004, 0.004, 0.01 * depth, 0.01 * depth])
+            shape = ascended(partial(self._strength, rows=rows, usual=usual), shape, steps)
+            rows = self._seen_rows(shape, rows)
+        score = float(np.sort(self._by_bay(shape, rows))[-self._few :].mean())
         heights = (-rows[1] * float(shape[0]), -rows[0] * float(shape[0]))
-        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, self.score(shape, rows))
+        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, score, usual)
 
     def posts(self, plane: FacePlane) -> FacePosts:
         """The candidates for posts on a plane: each at the depth, near the plane's, where it scores most."""
         rows = (-plane.heights[1] / plane.depth, -plane.heights[0] / plane.depth)
         usual, posts = self._usual_width(plane.shape, rows), list[tuple[float, float, float]]()
-        for nearer in NEARER:
-            pairs = self.pairs(self.average(plane.shape * [nearer, 1, 1, 1, 1], rows))
+        for share in DEPTHS:
+            pairs = self.pairs(self.average(plane.shape * [share, 1, 1, 1, 1], rows))
             pairs.scores[np.abs(pairs.widths * pairs.average.cell - usual) > ALIKE_M / self.metres] = 0
             best = pairs.best(APART_M / self.metres, MOST_POSTS)
             posts += [(score, *edges_at(pairs.average, left, right)) for score, left, right in best]
@@ -324,15 +326,15 @@ class FaceSweep:
         scores, centres, widths = np.array(kept).reshape(-1, 3).T
         return FacePosts(scores, centres, widths, ratios(scores))
 
-    def average(self, shape: Floats, rows: Rows, most: float = np.inf) -> Average:
+    def average(self, shape: Floats, rows: Rows, most: float = math.inf) -> Average:
         """The edges averaged on a plane of this shape (5,); of so many frames a cell."""
         depth, lean, within = float(shape[0]), float(shape[2]), np.flatnonzero((rows[0] < DOWN) & (rows[1] > DOWN))
         cell, tall, margin = depth / CELLS, depth * JOINED / FOCAL, (BEYOND_M + POSTS_M[1]) / self.metres
         x, down, weights = np.arange(self.ends[0] - margin, self.ends[1] + margin, cell), DOWN[within], WEIGHTS[within]
         depths, slopes = bent(shape, self.half, (self.places[:, 0] - self.middle[0]) / self.half)
         total, weight = np.zeros((2, len(within), len(x)), np.float32)
-        seen_by = WIDTH / FOCAL * depth / (2 * self.half / len(self.edges))
-        for k in range(0, len(self.edges), max(1, int(seen_by / most))):
+        every = max(1, int(WIDTH / FOCAL * depth / self._apart / most))
+        for k in range(0, len(self.edges), every):
             camera = round((self.places[k, 0] - x[0]) / cell)
             first, last = max(camera - REACH, 0), min(camera + REACH, len(x))
             right, below, off = x[first] - self.places[k, 0], down[0] * depth, self.middle - self.places[k]
@@ -362,104 +364,90 @@ class FaceSweep:
         scores[:, (average.x < self.ends[0] - beyond) | (average.x > self.ends[1] + beyond)] = 0
         return Pairs(average, widths, scores)
 
-    def best(self, shape: Floats, rows: Rows) -> tuple[list[tuple[float, int, int]], Average]:
-        """The pairs that a plane is judged by, fewer than a face has posts, and the average that they are in."""
-        average = self.average(shape, rows)
-        return self.pairs(average).best(BAY_M / self.metres, self._few), average
+    @property
+    def _few(self) -> int:
+        """The number of pairs that a plane is judged by: fewer than a face has posts."""
+        return max(3, round(2 * self.half * self.metres / PAIR_M))
 
-    def score(self, shape: Floats, rows: Rows) -> float:
-        """The mean score of these pairs."""
-        return sum(score for score, _, _ in self.best(shape, rows)[0]) / self._few
+    @cached_property
+    def _bays(self) -> Floats:
+        """The sides of equal stretches of the way (k + 1,), from its middle."""
+        return np.linspace(-self.half, self.half, max(7, round(2 * self.half * self.metres / BAY_M)) + 1)
 
-    def strength(self, shape: Floats, rows: Rows, most: float = np.inf) -> float:
-        """The sum of the squared scores of all pairs, less for a shape that is not a likely one."""
-        average = self.average(shape, rows, most)
-        pairs = self.pairs(average).best(BAY_M / self.metres, round(2 * self.half * self.metres / BAY_M))
-        unlikely = np.square(shape[1:] / SIGMAS / [1, 1, shape[0], shape[0]]).sum()
-        return sum(score**2 for score, _, _ in pairs) * math.exp(-PRIOR * float(unlikely))
-
-    def near_rows(self, depth: float) -> Rows:
+    def _before(self, depth: float) -> Rows:
         """The rows before the camera."""
         most = max(1.0, NEAR_M / self.metres / depth)
         return -most, most
 
-    def seen_rows(self, shape: Floats, rows: Rows) -> Rows:
-        """The rows over which the best pairs on a plane go on, beyond those given where they do."""
-        pairs, _ = self.best(shape, rows)
-        average = self.average(shape, ALL_ROWS)
-        lines = [average.roots[:, left] * average.roots[:, right] for _, left, right in pairs]
-        line = np.mean(lines or [np.zeros(ROWS)], axis=0)
-        gain = np.append(0.0, np.cumsum(line - GOES_ON * np.median(line[np.abs(DOWN) < MIDDLE])))
-        gains = np.triu(gain[1:] - gain[:-1, None])
-        first, last = np.unravel_index(gains.argmax(), gains.shape)
-        return float(DOWN[first]) - 0.01, float(DOWN[last]) + 0.01
-
-    @property
-    def _few(self) -> int:
-        return max(3, round(2 * self.half * self.metres / PAIR_M))
-
     def _depths(self) -> Floats:
-        """The depths of the sweep: where enough frames see a cell."""
-        first = max(NEAREST_M / self.metres, LEAST_FRAMES * FOCAL / WIDTH * 2 * self.half / len(self.edges))
+        """The depths of the sweep (n,): where enough frames see a cell."""
+        first = max(NEAREST_M / self.metres, LEAST_FRAMES * self._apart * FOCAL / WIDTH)
         count = math.log(max(FARTHEST_M / self.metres / first, 1.0)) / math.log(STEP)
         return np.asarray(first * STEP ** np.arange(int(count)))
 
-    def _proposals(self, depths: Floats) -> list[tuple[float, float, float]]:
-        """Depths and slopes of planes on which the best pairs stand out, and what pairs usually score at that depth."""
-        sides = np.linspace(-self.half, self.half, max(7, round(2 * self.half * self.metres / BAY_M)) + 1)
-        scores = np.array([self._by_bay(depth, sides) for depth in depths.tolist()])
-        lines = depths[:, None, None] + SLOPES[:, None] * (sides[1:] + sides[:-1]) / 2
+    def _start(self, depths: Floats) -> tuple[float, float, float]:
+        """Depth and slope of the nearest plane that stands out, and what the best pairs of bays usually score there."""
+        shapes = [np.array([depth, 0, 0, 0, 0]) for depth in depths.tolist()]
+        scores = np.array([self._by_bay(shape, self._before(float(shape[0])), ENOUGH, 2) for shape in shapes])
+        usual = ndimage.median_filter(np.median(scores, axis=1), USUAL, mode="nearest")
+        lines = depths[:, None, None] + SLOPES[:, None] * (self._bays[1:] + self._bays[:-1]) / 2
         steps = np.rint(np.log(np.maximum(lines / depths[0], 1.0)) / math.log(STEP)).astype(int)
-        on_lines = np.sort(scores[np.minimum(steps, len(depths) - 1), np.arange(len(sides) - 1)], axis=-1)
-        table = on_lines[..., -self._few :].mean(axis=-1)
-        usual = ndimage.median_filter(table.max(axis=1), USUAL, mode="nearest")
-        chosen = list[int]()
-        gains = table.max(axis=1) - usual
-        for k in np.argsort(-gains).tolist():
-            if (
-                gains[k] > LEAST_GAIN * gains.max()
-                and len(chosen) < PROPOSED
-                and all(abs(k - other) * math.log(STEP) > APART for other in chosen)
-            ):
-                chosen.append(k)
-        return [(float(depths[k]), float(SLOPES[table[k].argmax()]), float(usual[k])) for k in chosen]
+        steps = np.minimum(steps, len(depths) - 1)
+        table = excess(scores[steps, np.arange(scores.shape[1])], usual[steps])
+        strength = table.max(axis=1)
+        best = int(strength.argmax())
+        peaks = (strength == ndimage.maximum_filter1d(strength, PEAK)) & (strength > SHARE * strength[best])
+        nearer = np.flatnonzero(peaks & (depths < NEARER * depths[best]))
+        k = int(nearer[0]) if len(nearer) else best
+        return float(depths[k]), float(SLOPES[table[k].argmax()]), float(usual[k])
 
-    def _by_bay(self, depth: float, sides: Floats) -> Floats:
-        """The best score of a pair on a plane, for each stretch of the way."""
-        pairs = self.pairs(self.average(np.array([depth, 0, 0, 0, 0]), self.near_rows(depth), ENOUGH), 2)
-        first = np.searchsorted(pairs.average.x - self.middle[0], sides)
-        return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first)[:-1], np.float64)
+    def _by_bay(self, shape: Floats, rows: Rows, most: float = math.inf, by: int = 1) -> Floats:
+        """The best score of a pair on a plane in each bay (k,)."""
+        pairs = self.pairs(self.average(shape, rows, most), by)
+        first = np.searchsorted(pairs.average.x - self.middle[0], self._bays[:-1])
+        first[0] = 0
+        return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first), np.float64)
 
-    def _refined(self, depth: float, slope: float, usual: float) -> tuple[float, Floats]:
-        """How much the best plane near a proposal stands out, and its shape: by what its pairs score over all of its
-        height more than usual, and by this height."""
-        near = partial(self.strength, rows=self.near_rows(depth), most=ENOUGH)
-        starts = [np.array([d, s, 0, 0, 0]) for d in (0.995 * depth, depth, 1.005 * depth) for s in SLOPES.tolist()]
-        shape = ascended(near, max(starts, key=near), np.array([0.006 * depth, 0.002, 0.004, 0, 0]), 2)
-        rows = self.seen_rows(shape, self.near_rows(depth))
-        high = (rows[1] - rows[0]) * float(shape[0]) * self.metres
-        return (self.score(shape, rows) - usual) * math.sqrt(min(1.0, high / WHOLE_M)), shape
+    def _strength(self, shape: Floats, rows: Rows, usual: float) -> float:
+        """How much a plane stands out."""
+        unlikely = np.square(shape[1:] / SIGMAS / [1, 1, shape[0], shape[0]]).sum()
+        return float(excess(self._by_bay(shape, rows), usual)) * math.exp(-PRIOR * float(unlikely))
+
+    def _best(self, shape: Floats, rows: Rows) -> list[tuple[float, int, int]]:
+        """The best pairs on a plane."""
+        return self.pairs(self.average(shape, rows)).best(BAY_M / self.metres, self._few)
+
+    def _seen_rows(self, shape: Floats, rows: Rows) -> Rows:
+        """The rows over which the best pairs of these rows go on."""
+        roots = self.average(shape, ALL_ROWS).roots
+        lines = [roots[:, left] * roots[:, right] for _, left, right in self._best(shape, rows)]
+        line = np.mean(lines or [np.zeros(ROWS)], axis=0)
+        sums = np.append(0.0, np.cumsum(line - GOES_ON * np.median(line[np.abs(DOWN) < MIDDLE])))
+        gains = np.triu(sums[1:] - sums[:-1, None])
+        first, last = np.unravel_index(gains.argmax(), gains.shape)
+        return float(DOWN[first]) - 0.01, float(DOWN[last]) + 0.01
 
     def _usual_width(self, shape: Floats, rows: Rows) -> float:
         """The width that the best pairs of a plane have in common."""
-        best, average = self.best(shape, rows)
-        pairs, near = self.pairs(average), 0.1 / self.metres
-        centres = [(average.x[left] + average.x[right]) / 2 for _, left, right in best]
-        scores = [pairs.scores[:, np.abs(average.x - centre) < near].max(axis=1) for centre in centres]
-        return float(pairs.widths[np.argmax(np.sum(scores, axis=0))]) * average.cell
+        pairs, near = self.pairs(self.average(shape, rows)), 0.1 / self.metres
+        x = pairs.average.x
+        centres = [(x[left] + x[right]) / 2 for _, left, right in pairs.best(BAY_M / self.metres, self._few)]
+        scores = [pairs.scores[:, np.abs(x - centre) < near].max(axis=1) for centre in centres]
+        return float(pairs.widths[np.argmax(np.sum(scores, axis=0))]) * pairs.average.cell
 
 
-def ascended(measure: Callable[[Floats], float], at: Floats, steps: Floats, rounds: int) -> Floats:
-    """Where a measure is greatest near a place (k,), coordinate by coordinate, by steps that are halved from round to
-    round."""
+def excess(scores: Floats, usual: Floats | float) -> Floats:
+    """The sum over bays, the last axis, of the squares by which scores (..., k) exceed what is usual."""
+    return np.asarray(np.square(np.maximum(scores - usual - MARGIN, 0.0)).sum(axis=-1))
+
+
+def ascended(measure: Callable[[Floats], float], at: Floats, steps: Floats) -> Floats:
+    """Where a measure is greatest near a place (k,), axis by axis, by steps that are halved from round to round."""
     best = measure(at)
-    for halved in 0.5 ** np.arange(rounds):
-        for axis in np.flatnonzero(steps):
-            for step in (halved * steps[axis], -halved * steps[axis]):
-                there = at + step * (np.arange(len(at)) == axis)
-                while (value := measure(there)) > WORTH * best:
-                    at, best = there, value
-                    there = at + step * (np.arange(len(at)) == axis)
+    for halved in 0.5 ** np.arange(ROUNDS):
+        for step in halved * np.concatenate([np.diag(steps), -np.diag(steps)]):
+            while (value := measure(at + step)) > WORTH * best:
+                at, best = at + step, value
     return at
 
 
