@@ -111,6 +111,7 @@ def test_all_commands_without_home_letters_and_epoch(named: Path) -> None:
         ["report", "map.json", "-o", "ä.html"], ["view", "map.json", "--no-open"], ["compare", "map.json", "map.json"], ["inspect", "map.json", "-o", "ä.html"],
         ["evaluate", "map.json", "ä.json"], ["align", "map.json", "ä.yaml", "-o", "ö.json"], ["import", "ä.dxf"], ["import", "ä.csv"],
         ["init", "-o", "ä.yaml"], ["check", "ä.yaml"], ["map", "ä.yaml", "-o", "~/o"], ["live", "ä.yaml", "-o", "~/o"], ["demo", "-o", "~/o"], ["split", "ä.mp4"],
+        ["plane", "ä.mp4", "--side", "left", "--distance", "2"],
         ["simulate", "ä.yaml", "-o", "~/o"], ["train", "shelves", "--data", "ä"], ["label", "ä.mp4"], ["adapt", "ä.yaml"],
         ["plugin", "new", "ä"],
     ]  # fmt: skip

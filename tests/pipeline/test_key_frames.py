@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from savmap.pipeline.key_frames import LEAST_POINTS, PARALLAX_RAD, SHARE, KeyFrames, front
+from savmap.pipeline.key_frames import FRONT, LEAST_POINTS, PARALLAX_RAD, SHARE, KeyFrames, front
 from savmap.types import Floats
 from savmap.vision.odometry import WIDTH, Followed
 
@@ -101,18 +101,18 @@ def test_a_frame_to_which_nothing_could_be_followed_is_one() -> None:
     assert keys.is_key(Followed(np.arange(30) + 100, followed().pixels), odometry(None, wall(2.0)))
 
 
-def test_a_face_is_where_a_quarter_of_the_points_is_nearer() -> None:
+def test_a_face_is_where_a_share_of_the_points_is_nearer() -> None:
     """Some things stand before it, and what lies aside of its direction is of something else."""
-    face, before = wall(2.0, (-1.0, 1.1)), wall(0.7, (-0.2, 0.2))[2:5]
+    face, before = wall(2.0, (-1.0, 1.1)), wall(0.7, (-0.2, 0.2))[2:4]
     assert front(np.vstack([face, before]), (AHEAD,)) == 2.0
     assert front(np.vstack([face, wall(0.3)[::4] + np.array([9.0, 0.0, 0.0])]), (AHEAD,)) == 2.0
-    assert front(face, (BACK,)) == pytest.approx(np.quantile(np.linalg.norm(face, axis=1), 0.25))
+    assert front(face, (BACK,)) == pytest.approx(np.quantile(np.linalg.norm(face, axis=1), FRONT))
     assert front(np.zeros((0, 3)), (AHEAD,)) == 0.0
 
 
-def test_where_no_face_is_known_a_quarter_of_all_points_counts() -> None:
+def test_where_no_face_is_known_a_share_of_all_points_counts() -> None:
     around = np.vstack([wall(1.0, (-1.0, 1.1)), *[wall(8.0, (-1.0, 1.1))] * 2])
-    assert front(around, ()) == pytest.approx(np.quantile(np.linalg.norm(around, axis=1), 0.25))
+    assert front(around, ()) == pytest.approx(np.quantile(np.linalg.norm(around, axis=1), FRONT))
     assert 1.0 < front(around, ()) < 2.0
     keys = KeyFrames()
     x = STEP * np.arange(20)
