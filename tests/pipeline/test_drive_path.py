@@ -1,6 +1,6 @@
 """The path of a drive: its key frames are the frames of the rows, and a run that was cut off goes on with the same."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,9 +16,8 @@ from savmap.files.serialization import packed
 from savmap.graph import References
 from savmap.jobs.tasks import request_for
 from savmap.maps.map_file import write_map
-from savmap.pipeline import drive
+from savmap.pipeline import drive, key_frames
 from savmap.pipeline.drive import RowWalk, before_face, breaks
-from savmap.pipeline.key_frames import SHARE
 from savmap.pipeline.records import DriveFrame, RowRequest, WalkedRow, drive_of
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
@@ -48,6 +47,8 @@ from .filmed_aisle import LEVEL, SIDES_M, aisle
 
 LAMPS = Path(__file__).parents[2] / "plugins" / "lights" / "savmap_lights" / "model" / "lights.onnx"
 COUNT, STEP_M, AWAY_M = 20, 0.12, SIDES_M[0]
+SHARE = 0.3
+"""Of these tests: five key frames."""
 FACE, BEHIND = (ViewSpec("face", yaw, hfov_deg=120.0, width=96, height=64) for yaw in (0.0, 180.0))
 BACK = LEVEL @ np.diag([-1.0, 1.0, -1.0])
 """The attitude before the wall across the aisle."""
@@ -65,6 +66,13 @@ class Shelf(dict[int, bytes]):
 
     def drop(self, part: int) -> bool:
         return self.pop(part, None) is not None
+
+
+@pytest.fixture(scope="module", autouse=True)
+def share() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(key_frames, "SHARE", SHARE)
+        yield
 
 
 @pytest.fixture(scope="module")

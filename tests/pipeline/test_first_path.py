@@ -154,7 +154,9 @@ def test_a_path_that_is_not_known_is_refused(plugin: LoadedPlugin, known: int | 
         some = Trajectory(np.arange(COUNT, COUNT + known), drives_own(POSES)[:known])
         path = Trajectory.joined([whole(), some])
     name = "pass 1" if known is None else "pass 2"
-    with pytest.raises(StructureError, match=f"row A, {name}: the camera's path is not known: it hardly moves, or too few points"):
+    with pytest.raises(
+        StructureError, match=f"row A, {name}: the camera's path is not known: it hardly moves, or too few points"
+    ):
         paths_before_face(row(plugin, path, AT_FACE, passes), plugin)
 
 

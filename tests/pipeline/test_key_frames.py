@@ -90,8 +90,8 @@ def test_parallax_decides_from_one_part_of_the_path_to_the_next() -> None:
     assert not keys.is_key(followed(), odometry(9.0, wall(2.0), part=1))
     assert not keys.is_key(followed(), odometry(9.0, wall(2.0)[: LEAST_POINTS - 1]))
     assert keys.is_key(followed(1.1 * PARALLAX_RAD), odometry(9.0, wall(2.0), part=1))
-    assert not keys.is_key(followed(), odometry(9.5, wall(2.0), part=1))
-    assert keys.is_key(followed(), odometry(9.7, wall(2.0), part=1))
+    assert not keys.is_key(followed(), odometry(9.0 + 0.9 * SHARE * 2.0, wall(2.0), part=1))
+    assert keys.is_key(followed(), odometry(9.0 + 1.1 * SHARE * 2.0, wall(2.0), part=1))
 
 
 def test_a_frame_to_which_nothing_could_be_followed_is_one() -> None:
