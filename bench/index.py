@@ -86,8 +86,13 @@ BENCHES: Mapping[str, Bench] = {
     ),
     "odometry": Bench(
         "Are paths of visual odometry true in their shape, and what do they cost, beside pycolmap's?",
-        12,
+        10,
         {"good %": "more", "median %": "less", "95 of 100 %": "less", "worst %": "less", "lost": "less"},
+    ),
+    "face-edges": Bench(
+        "Are the faces beside a drive and their posts found by straight edges alone, with no network?",
+        16,
+        {"plane %": "more", "first %": "more", "wrong": "less", "least": "more", "other": "less"},
     ),
     "adapt": Bench(
         "Does `savmap adapt` teach a network a style without labels?",

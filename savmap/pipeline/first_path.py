@@ -80,8 +80,8 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
     distance, _ = sharpest(((ratio, turn) for ratio in RATIOS.tolist()), fewer)
     for _ in range(2):
         turns = [Rotation.from_euler("y", angle, degrees=True) * turn for angle in TURNS_DEG.tolist()]
-        distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
         _, turn = sharpest(((distance, turned) for turned in turns), maps)
+        distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
     return _moved(path, turn, distance)
 
 

@@ -10,7 +10,7 @@ SIGMA = 0.002
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def scattered(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -41,7 +41,7 @@ def around(path: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray
     """Points (count, 3) 1.5 to 6 m off a path."""
     places = path[rng.integers(0, len(path), count), :3, 3]
     away = rng.normal(size=(count, 3))
-    return places + away / np.linalg.norm(away, axis=1, keepdims=True) * rng.uniform(1.5, 6, (count, 1))
+    return np.asarray(places + away / np.linalg.norm(away, axis=1, keepdims=True) * rng.uniform(1.5, 6, (count, 1)))
 
 
 def followed(
@@ -78,7 +78,7 @@ def brought(places: np.ndarray, onto: np.ndarray) -> np.ndarray:
     a, b = places - places.mean(axis=0), onto - onto.mean(axis=0)
     left, sizes, right = np.linalg.svd(b.T @ a)
     signs = np.array([1.0, 1.0, np.linalg.det(left @ right)])
-    return onto.mean(axis=0) + (sizes @ signs) / np.square(a).sum() * a @ (left * signs @ right).T
+    return np.asarray(onto.mean(axis=0) + (sizes @ signs) / np.square(a).sum() * a @ (left * signs @ right).T)
 
 
 def assert_near(found: np.ndarray, true: np.ndarray, share: float = 0.003, degrees: float = 0.3) -> None:

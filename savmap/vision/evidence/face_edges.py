@@ -4,8 +4,8 @@ Each frame is seen by a camera square to the face. Its upright edges are divided
 with their signs. A plane is moved through depths (a plane sweep: Collins 1996, "A space-sweep approach to true
 multi-image matching"), and on each the edges of all frames are averaged: at the face's depth posts stay sharp, and what
 is off the plane is smeared by parallax. A pair of columns scores the mean over the height of sqrt(|e| |e'|), where e and
-e' are its averaged edges, at most 1. The face is where the best pairs score most over the greatest height. Its posts
-share one width, and each may stand a little nearer or farther, for a path drifts.
+e' are its averaged edges, at most 1. The face is the nearest plane on which bays have pairs that score more than pairs
+usually do at that depth. Its posts share one width, and each may stand a little nearer or farther, for a path drifts.
 
 Face frame: x right as one looks at the face, y down, z from the drive towards the face. Lengths are in the path's unit,
 of which a rough metre must be known: posts are 3 to 16 cm wide.
@@ -13,9 +13,8 @@ of which a rough metre must be known: posts are 3 to 16 cm wide.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -28,10 +27,10 @@ from savmap.geometry.poses import middle_rotation
 from savmap.geometry.vanishing import manhattan_from_segments
 from savmap.types import Floats, Ints, Panorama, array_record
 from savmap.vision.odometry import WalkedPath, seen
+from savmap.vision.view_planning import LEAST_SUPPORT, Side
 
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
-Side = Literal["left", "right"]
 
 FOCAL, WIDTH, HEIGHT, JOINED = 192, 640, 1280, 8
 """Of the view square to the face, pixels: 118 degrees wide, 147 high. So many of its rows are joined to one."""
@@ -47,38 +46,35 @@ LEAST_FRAMES, ENOUGH = 6, 16
 """Frames that see a cell: where fewer do, anything scores; so many are enough for the sweep."""
 NEAREST_M, FARTHEST_M, STEP = 0.45, 3.5, 1.01
 """Depths of the sweep, and the factor from each to the next."""
-SLOPES: Floats = np.arange(-4, 5) * 0.0025
+SLOPES: Floats = np.linspace(-0.01, 0.01, 9)
 """Of the depth along the way, which are tried."""
 BAY_M, PAIR_M = 1.0, 4.0
-"""While a plane is judged: one pair counts in a bay of this length, and a face has more than one for the other."""
+"""A plane is judged by the best pair in each bay, and by as many of these as the way has lengths of the second kind."""
 USUAL, MARGIN = 45, 0.05
-"""Over how many depths what bays usually score is a running median; what exceeds it by this counts."""
+"""Over how many depths what a bay usually scores is a running median, and by how much more a post scores."""
 PEAK, SHARE, NEARER = 9, 0.3, 0.88
-"""The face is the plane that stands out most; or the nearest one that stands out over so many depths, by this share of
-the former, and nearer than this share of its depth: rows behind a face are seen through it."""
+"""A nearer plane than the one that stands out most is the face where it does so more than the planes of so many depths
+around it, has this share of the other's strength, and at most this share of its depth: one sees through a face."""
 NEAR_M = 1.5
-"""Above and below the path, at least: the rows by which planes are sought."""
+"""Planes are sought by what is so far above and below the path, and as far as they are away."""
 ASCENTS, ROUNDS, WORTH = (1.0, 0.5), 3, 1.0005
-"""Shares of the first steps to the best shape, how often steps are halved, and the factor by which one must be better."""
-SIGMAS: Floats = np.array([0.01, 0.01, 0.02, 0.02])
-"""Of slope, lean, and, in depths, bend and twist."""
-PRIOR = 0.05
-"""The share by which a plane stands out less where one of them is sqrt(2) sigma."""
+"""Of the search for the best shape: shares of the first steps, how often these are halved, the gain that a step needs."""
+SIGMAS, PRIOR = np.array([0.01, 0.01, 0.02, 0.02]), 0.05
+"""Of slope, lean, and, in depths, bend and twist; and the share of its strength that a plane loses by one sigma."""
 GOES_ON, MIDDLE = 0.4, 0.6
-"""A face is as high as pairs have this share of the edges that they have up to so many depths above and below the path."""
+"""A face ends where its pairs have less than this share of the edges that they have so many depths around the path."""
 POSTS_M, ALIKE_M, APART_M, MOST_POSTS = (0.03, 0.16), 0.017, 0.2, 40
-"""Widths of posts, how much those of a face differ, the least distance of candidates, and how many they are at most."""
-BEYOND_M = 0.3
-"""The ends of the way: there are no candidates."""
+"""Widths of posts, how much those of a face differ, the least distance of candidates, and how many there may be."""
+SAME_M, BEYOND_M = 0.1, 0.3
+"""What is so near belongs to one post; and how far beyond the ends of the way candidates may be."""
 DEPTHS = (1.0, 0.98, 0.99, 1.01, 1.02)
 """Of a post, in that of the face."""
 POST, OTHER, BOUND = (0.97, 0.72), (-2.08, 0.52), 6.0
 """Log odds of the scores of 107 posts and 680 other pairs of 20 faces, mean and sigma; and where their log-likelihood
 ratio is cut, for the tails are not known."""
-STANDS = 0.1
-"""By which the score of a face exceeds what is usual at its depth, at least."""
-LEAST_SUPPORT = 0.25
-"""Of the building's axes."""
+BESIDE, STANDS = (0.9, 0.93, 1.07, 1.1), 1.5
+"""Depths of other planes, in that of the best one, whose scores the one of a face exceeds by this factor: 18 true faces
+did by 1.9 or more, and 18 best planes along wrong paths by 1.3 or less."""
 
 LINEAR = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
 ROWS, REACH = HEIGHT // JOINED, WIDTH * CELLS // (2 * FOCAL)
@@ -91,6 +87,8 @@ WEIGHTS: Singles = np.asarray(
     (1 + ((np.arange(2 * REACH) - REACH) / CELLS) ** 2 + DOWN[:, None] ** 2) ** -1.5, np.float32
 )
 """Of the cells that a camera sees: the solid angle, up to a factor."""
+Post = tuple[float, float, float]
+"""Score, centre, width."""
 Rows = tuple[float, float]
 """Between which rows are taken, in depths below the path's middle."""
 ALL_ROWS: Rows = (-9.0, 9.0)
@@ -103,8 +101,8 @@ class FacePlane:
 
     `shape` (5,): the depth from the path's `middle` (3,), how it changes along x (slope) and y (lean), and what a
     drifting path adds to it along the way, quadratic and cubic; `half`: of the way's length along x. `heights`: above
-    the middle, between which the face is seen. `score`: the mean of its best pairs over these; `usual`: what the best
-    pairs of bays score where nothing stands.
+    the middle, between which the face is seen. `score`: the mean of its best pairs over these; `beside`: the same of
+    planes a little nearer and farther.
     """
 
     path_from_face: Floats
@@ -113,7 +111,7 @@ class FacePlane:
     shape: Floats
     heights: tuple[float, float]
     score: float
-    usual: float
+    beside: float
 
     @property
     def depth(self) -> float:
@@ -121,9 +119,19 @@ class FacePlane:
         return float(self.shape[0])
 
     @property
+    def slope(self) -> float:
+        """Of the depth, along x."""
+        return float(self.shape[1])
+
+    @property
+    def lean(self) -> float:
+        """Of the depth, along y."""
+        return float(self.shape[2])
+
+    @property
     def stands(self) -> bool:
         """Whether a face stands on this side."""
-        return self.score - self.usual > STANDS
+        return self.score > STANDS * self.beside
 
     def points(self, x: Floats, height: float = 0.0) -> Floats:
         """Points (n, 3) of the face, in the path's frame, at places x (n,) in the face frame and a height."""
@@ -193,7 +201,8 @@ class FaceEdges:
 
     def along(self, path: WalkedPath, metres: float, path_from_face: Floats | None = None) -> "FaceSweep | None":
         """The sweep along the longest part of a path whose unit is roughly so many metres; None where it has too few of
-        the frames. `path_from_face` (3, 3): the face frame; None: the middle of the frames' own."""
+        the frames, or is no longer than a bay. `path_from_face` (3, 3): the face frame; None: the middle of the frames'
+        own."""
         kept = [k for k, frame in enumerate(self._frames) if path.part[frame] == path.longest]
         if len(kept) < LEAST_FRAMES:
             return None
@@ -201,7 +210,8 @@ class FaceEdges:
         path_from_view = poses[:, :3, :3] @ np.array([self._rig_from_view[k] for k in kept])
         face = middle_rotation(path_from_view) if path_from_face is None else path_from_face
         edges = [(self._packed[k].astype(np.float32) - 128) / np.float32(UNIT) for k in kept]
-        return FaceSweep(metres, face, poses[:, :3, 3] @ face, path_from_view.transpose(0, 2, 1) @ face, edges)
+        sweep = FaceSweep(metres, face, poses[:, :3, 3] @ face, path_from_view.transpose(0, 2, 1) @ face, edges)
+        return sweep if 2 * sweep.half * metres > BAY_M else None
 
 
 def square_view(grey: Bytes, rig_from_face: Floats) -> Singles:
@@ -226,13 +236,12 @@ def upright_edges(view: Singles) -> Singles:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Average:
-    """Edges averaged on a plane (rows, columns), the places `x` of the columns in the face frame, and how far below the
-    path's middle the rows are (`down`), in depths."""
+    """Edges averaged on a plane (rows, columns), and the places `x` of the columns in the face frame."""
 
     edges: Singles
     x: Floats
-    down: Floats
 
     @property
     def cell(self) -> float:
@@ -246,6 +255,7 @@ class Average:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class Pairs:
     """The scores (widths, columns) of pairs of columns on a plane, by their widths (in columns) and left columns."""
 
@@ -265,6 +275,7 @@ class Pairs:
 
 
 @dataclass(frozen=True, eq=False)
+@array_record
 class FaceSweep:
     """The sweep for the face on one side of a drive: `metres` in the path's unit; where n cameras are (n, 3) in the face
     frame, how they are turned (n, 3, 3), and the upright edges that each sees (ROWS, WIDTH)."""
@@ -306,67 +317,61 @@ class FaceSweep:
             steps = part * np.array([0.01 * depth, 0.004, 0.004, 0.01 * depth, 0.01 * depth])
             shape = ascended(partial(self._strength, rows=rows, usual=usual), shape, steps)
             rows = self._seen_rows(shape, rows)
-        score = float(np.sort(self._by_bay(shape, rows))[-self._few :].mean())
+        score, *beside = (self._score(shape * [share, 1, 1, 1, 1], rows) for share in (1.0, *BESIDE))
         heights = (-rows[1] * float(shape[0]), -rows[0] * float(shape[0]))
-        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, score, usual)
+        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, score, float(np.median(beside)))
 
     def posts(self, plane: FacePlane) -> FacePosts:
         """The candidates for posts on a plane: each at the depth, near the plane's, where it scores most."""
         rows = (-plane.heights[1] / plane.depth, -plane.heights[0] / plane.depth)
-        usual, posts = self._usual_width(plane.shape, rows), list[tuple[float, float, float]]()
-        for share in DEPTHS:
-            pairs = self.pairs(self.average(plane.shape * [share, 1, 1, 1, 1], rows))
-            pairs.scores[np.abs(pairs.widths * pairs.average.cell - usual) > ALIKE_M / self.metres] = 0
-            best = pairs.best(APART_M / self.metres, MOST_POSTS)
-            posts += [(score, *edges_at(pairs.average, left, right)) for score, left, right in best]
-        kept = list[tuple[float, float, float]]()
+        averages = [self.average(plane.shape * [share, 1, 1, 1, 1], rows) for share in DEPTHS]
+        width, posts, kept = self._width(self.pairs(averages[0])), list[Post](), list[Post]()
+        for average in averages:
+            pairs = self.pairs(average)
+            alike = np.abs(pairs.widths * average.cell - width) <= ALIKE_M / self.metres
+            best = replace(pairs, scores=np.where(alike[:, None], pairs.scores, 0)).best(
+                APART_M / self.metres, MOST_POSTS
+            )
+            posts += [(score, *edges_at(average, left, right)) for score, left, right in best]
         for post in sorted(posts, reverse=True):
             if len(kept) < MOST_POSTS and all(abs(post[1] - other[1]) > APART_M / self.metres for other in kept):
                 kept.append(post)
         scores, centres, widths = np.array(kept).reshape(-1, 3).T
         return FacePosts(scores, centres, widths, ratios(scores))
 
-    def average(self, shape: Floats, rows: Rows, most: float = math.inf) -> Average:
-        """The edges averaged on a plane of this shape (5,); of so many frames a cell."""
-        depth, lean, within = float(shape[0]), float(shape[2]), np.flatnonzero((rows[0] < DOWN) & (rows[1] > DOWN))
+    def average(self, shape: Floats, rows: Rows = ALL_ROWS, most: float = math.inf) -> Average:
+        """The edges averaged on a plane of this shape (5,); of about so many frames a cell."""
+        depth, lean, within = float(shape[0]), float(shape[2]), between(rows)
         cell, tall, margin = depth / CELLS, depth * JOINED / FOCAL, (BEYOND_M + POSTS_M[1]) / self.metres
-        x, down, weights = np.arange(self.ends[0] - margin, self.ends[1] + margin, cell), DOWN[within], WEIGHTS[within]
+        x, weights = np.arange(self.ends[0] - margin, self.ends[1] + margin, cell), WEIGHTS[within]
         depths, slopes = bent(shape, self.half, (self.places[:, 0] - self.middle[0]) / self.half)
-        total, weight = np.zeros((2, len(within), len(x)), np.float32)
-        every = max(1, int(WIDTH / FOCAL * depth / self._apart / most))
-        for k in range(0, len(self.edges), every):
+        total, weight = np.zeros((2, len(weights), len(x)), np.float32)
+        for k in range(0, len(self.edges), max(1, int(WIDTH / FOCAL * depth / self._apart / most))):
             camera = round((self.places[k, 0] - x[0]) / cell)
             first, last = max(camera - REACH, 0), min(camera + REACH, len(x))
-            right, below, off = x[first] - self.places[k, 0], down[0] * depth, self.middle - self.places[k]
-            ahead = depths[k] + slopes[k] * right + lean * below
-            from_cells = [[cell, 0, right], [0, tall, below + off[1]], [slopes[k] * cell, lean * tall, ahead + off[2]]]
-            laid = cv2.warpPerspective(
-                self.edges[k],
-                CAMERA @ self.view_from_face[k] @ np.array(from_cells),
-                (last - first, len(down)),
-                flags=LINEAR,
-            )
-            cv2.accumulateProduct(
-                weights[:, first - camera + REACH : last - camera + REACH], laid, total[:, first:last]
-            )
-            weight[:, first:last] += weights[:, first - camera + REACH : last - camera + REACH]
-        return Average(np.asarray(total / (weight + 1e-6), np.float32), x, down)
+            seen_from, size = slice(first - camera + REACH, last - camera + REACH), (last - first, len(weights))
+            right, below, off = x[first] - self.places[k, 0], DOWN[within][0] * depth, self.middle - self.places[k]
+            ahead = depths[k] + slopes[k] * right + lean * below + off[2]
+            cells = np.array([[cell, 0, right], [0, tall, below + off[1]], [slopes[k] * cell, lean * tall, ahead]])
+            laid = cv2.warpPerspective(self.edges[k], CAMERA @ self.view_from_face[k] @ cells, size, flags=LINEAR)
+            cv2.accumulateProduct(weights[:, seen_from], laid, total[:, first:last])
+            weight[:, first:last] += weights[:, seen_from]
+        return Average(np.asarray(total / (weight + 1e-6), np.float32), x)
 
-    def pairs(self, average: Average, by: int = 1) -> Pairs:
-        """The pairs that are as wide as posts; of every so many widths."""
+    def pairs(self, average: Average) -> Pairs:
+        """The pairs of an average that are as wide as posts."""
         least, most = (round(width / self.metres / average.cell) for width in POSTS_M)
-        widths = np.arange(max(2, least), most + 1, by)
-        scores, roots = np.zeros((len(widths), len(average.x)), np.float32), average.roots
+        widths, roots, beyond = np.arange(max(2, least), most + 1), average.roots, BEYOND_M / self.metres
+        scores = np.zeros((len(widths), len(average.x)), np.float32)
         for line, width in zip(scores, widths.tolist(), strict=True):
             np.einsum("yx,yx->x", roots[:, :-width], roots[:, width:], out=line[:-width])
         scores /= len(roots)
-        beyond = BEYOND_M / self.metres
         scores[:, (average.x < self.ends[0] - beyond) | (average.x > self.ends[1] + beyond)] = 0
         return Pairs(average, widths, scores)
 
     @property
     def _few(self) -> int:
-        """The number of pairs that a plane is judged by: fewer than a face has posts."""
+        """The number of pairs that tell of a face: it has more posts."""
         return max(3, round(2 * self.half * self.metres / PAIR_M))
 
     @cached_property
@@ -386,9 +391,10 @@ class FaceSweep:
         return np.asarray(first * STEP ** np.arange(int(count)))
 
     def _start(self, depths: Floats) -> tuple[float, float, float]:
-        """Depth and slope of the nearest plane that stands out, and what the best pairs of bays usually score there."""
+        """Depth and slope of the nearest plane that stands out, and what a bay usually scores there. Along a slope, each
+        bay has the score that it has at its depth."""
         shapes = [np.array([depth, 0, 0, 0, 0]) for depth in depths.tolist()]
-        scores = np.array([self._by_bay(shape, self._before(float(shape[0])), ENOUGH, 2) for shape in shapes])
+        scores = np.array([self._by_bay(shape, self._before(float(shape[0])), ENOUGH) for shape in shapes])
         usual = ndimage.median_filter(np.median(scores, axis=1), USUAL, mode="nearest")
         lines = depths[:, None, None] + SLOPES[:, None] * (self._bays[1:] + self._bays[:-1]) / 2
         steps = np.rint(np.log(np.maximum(lines / depths[0], 1.0)) / math.log(STEP)).astype(int)
@@ -401,9 +407,9 @@ class FaceSweep:
         k = int(nearer[0]) if len(nearer) else best
         return float(depths[k]), float(SLOPES[table[k].argmax()]), float(usual[k])
 
-    def _by_bay(self, shape: Floats, rows: Rows, most: float = math.inf, by: int = 1) -> Floats:
+    def _by_bay(self, shape: Floats, rows: Rows, most: float = math.inf) -> Floats:
         """The best score of a pair on a plane in each bay (k,)."""
-        pairs = self.pairs(self.average(shape, rows, most), by)
+        pairs = self.pairs(self.average(shape, rows, most))
         first = np.searchsorted(pairs.average.x - self.middle[0], self._bays[:-1])
         first[0] = 0
         return np.asarray(np.maximum.reduceat(pairs.scores.max(axis=0), first), np.float64)
@@ -413,27 +419,32 @@ class FaceSweep:
         unlikely = np.square(shape[1:] / SIGMAS / [1, 1, shape[0], shape[0]]).sum()
         return float(excess(self._by_bay(shape, rows), usual)) * math.exp(-PRIOR * float(unlikely))
 
-    def _best(self, shape: Floats, rows: Rows) -> list[tuple[float, int, int]]:
-        """The best pairs on a plane."""
-        return self.pairs(self.average(shape, rows)).best(BAY_M / self.metres, self._few)
+    def _score(self, shape: Floats, rows: Rows) -> float:
+        """The mean score of the best pairs on a plane."""
+        return float(np.sort(self._by_bay(shape, rows))[-self._few :].mean())
 
     def _seen_rows(self, shape: Floats, rows: Rows) -> Rows:
         """The rows over which the best pairs of these rows go on."""
-        roots = self.average(shape, ALL_ROWS).roots
-        lines = [roots[:, left] * roots[:, right] for _, left, right in self._best(shape, rows)]
+        whole = self.average(shape)
+        best = self.pairs(Average(whole.edges[between(rows)], whole.x)).best(BAY_M / self.metres, self._few)
+        lines = [whole.roots[:, left] * whole.roots[:, right] for _, left, right in best]
         line = np.mean(lines or [np.zeros(ROWS)], axis=0)
         sums = np.append(0.0, np.cumsum(line - GOES_ON * np.median(line[np.abs(DOWN) < MIDDLE])))
         gains = np.triu(sums[1:] - sums[:-1, None])
         first, last = np.unravel_index(gains.argmax(), gains.shape)
         return float(DOWN[first]) - 0.01, float(DOWN[last]) + 0.01
 
-    def _usual_width(self, shape: Floats, rows: Rows) -> float:
-        """The width that the best pairs of a plane have in common."""
-        pairs, near = self.pairs(self.average(shape, rows)), 0.1 / self.metres
-        x = pairs.average.x
-        centres = [(x[left] + x[right]) / 2 for _, left, right in pairs.best(BAY_M / self.metres, self._few)]
-        scores = [pairs.scores[:, np.abs(x - centre) < near].max(axis=1) for centre in centres]
+    def _width(self, pairs: Pairs) -> float:
+        """The width that the best pairs have in common."""
+        x, best = pairs.average.x, pairs.best(BAY_M / self.metres, self._few)
+        near = [np.abs(x - (x[left] + x[right]) / 2) < SAME_M / self.metres for _, left, right in best]
+        scores = [pairs.scores[:, columns].max(axis=1) for columns in near]
         return float(pairs.widths[np.argmax(np.sum(scores, axis=0))]) * pairs.average.cell
+
+
+def between(rows: Rows) -> Ints:
+    """The numbers of rows of averaged edges."""
+    return np.flatnonzero((rows[0] < DOWN) & (rows[1] > DOWN))
 
 
 def excess(scores: Floats, usual: Floats | float) -> Floats:
