@@ -14,10 +14,10 @@ from savmap.types import Floats, Panorama
 from savmap.vision.evidence.face_edges import FaceEdges, FacePlane, FacePosts, FaceSweep, building_axes, faces_beside
 from savmap.vision.odometry import WalkedPath
 
-HEIGHT, FRAMES, LENGTH_M = 256, 22, 5.0
+HEIGHT, FRAMES, LENGTH_M = 256, 18, 4.0
 FACE_M, GOODS_M, WALL_M = 1.4, 1.9, 7.0
 """From the path to the face and the goods on its left, and to the wall on its right."""
-POSTS_M, WIDTH_M, TOP_M = np.array([0.2, 1.5, 3.1, 4.6]), 0.12, 2.5
+POSTS_M, WIDTH_M, TOP_M = np.array([0.2, 1.3, 2.6, 3.8]), 0.12, 2.5
 """Posts' centres and width, and how far they reach up and down."""
 UNIT_M = 2.5
 """Of the path."""
