@@ -12,7 +12,6 @@ AGREES = 4.0
 """Sigmas by which a ray that agrees with a motion may be off."""
 ROUNDS, FIRST_SCALE, LAST_SCALE = 10, 16.0, 1.5
 """Of a resection; residuals of so many sigmas count half, at first and in the end."""
-LEAST_PARALLAX_RAD = float(np.radians(1.0))
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
