@@ -10,6 +10,8 @@ from savmap.geometry.arrays import Bools, Floats
 SAMPLES, OF_EACH = 150, 8
 AGREES = 4.0
 """Sigmas by which a ray that agrees with a motion may be off."""
+REFINED = 3
+"""How often a motion of two pictures is refined: eight points' leaves out some that agree."""
 ROUNDS, FIRST_SCALE, LAST_SCALE = 10, 16.0, 1.5
 """Of a resection; residuals of so many sigmas count half, at first and in the end."""
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -24,10 +26,12 @@ def two_views(first: Floats, second: Floats, sigma: float, seed: int = 0) -> tup
     turns = [turn * np.sign(np.linalg.det(turn)) for turn in (left @ QUARTER @ right, left @ QUARTER.T @ right)]
     options = [(turn, way * left[:, 2]) for turn in turns for way in (1.0, -1.0)]
     turn, towards = max(options, key=lambda option: int((_in_front(first, second, *option) & agrees).sum()))
-    turn, towards = _refined(first[agrees], second[agrees], sigma, turn, towards)
-    agrees = (np.abs(_off_plane(first, second, turn, towards)) < AGREES * sigma) & _in_front(
-        first, second, turn, towards
-    )
+    for _ in range(REFINED):
+        turn, towards = _refined(first[agrees], second[agrees], sigma, turn, towards)
+        off = np.abs(_off_plane(first, second, turn, towards))
+        agrees = (off < AGREES * sigma) & _in_front(first, second, turn, towards)
+        if agrees.sum() < OF_EACH:
+            break
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn.T, -turn.T @ towards
     return pose, agrees

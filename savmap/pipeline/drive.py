@@ -211,6 +211,8 @@ class Drive:
             numbers = [number + w for number, w in zip(numbers, wanted, strict=True)]
         whole_until_s = max((frame.whole_until_s for frame in kept), default=-np.inf)
         self._known = [frame for frame in kept if frame.stamp_s <= whole_until_s]
+        while self._known and not len(self._known[-1].followed.numbers):
+            self._known.pop()
         for number, frame in enumerate(self._known):
             self._watch.take(frame.stamp_s, unpacked_grey(frame.grey))
             self._way.take(frame.followed)

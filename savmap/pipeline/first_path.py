@@ -5,10 +5,12 @@ middle of these turns is the path's. How far the face is from it, and to a degre
 evidence of all frames is sharpest on the face's plane: at any other distance parallax smears it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
@@ -24,13 +26,14 @@ LEAST_TRAVEL, LEAST_FRAMES = 0.2, 3
 """Along the face, in distances from it."""
 MOST_FRAMES, FEWER = 24, 12
 """That tell the distance, and roughly: neighbours, for what single frames show is sharp at any distance."""
-RATIOS, FINE = np.geomspace(0.45, 2.2, 41), np.geomspace(0.97, 1.03, 7)
-"""Distances that are tried, as shares of that of the points before the face, and then of the best of these."""
-TURNS_DEG = np.linspace(-1.0, 1.0, 9)
+RATIOS = np.geomspace(0.3, 2.2, 52)
+"""Distances that are tried, as shares of that of the points before the face."""
+SIMPLEX, LEAST_GAIN = np.array([[0.02, 0.5], [-0.03, 0.5], [0.0, -1.0]]), 3e-4
+"""From the best of these: a share of the distance, and a turn in degrees; how much sharper better ones are."""
 CELL = 0.025
 """The side of a cell, as a share of the distance."""
-Way = tuple[float, Rotation]
-"""A distance from the face, and a turn."""
+Way = tuple[float, float]
+"""A distance from the face, and a turn about the vertical, degrees."""
 
 
 def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
@@ -70,19 +73,21 @@ def _before_face(row: WalkedRow, plugin: LoadedPlugin, path: Trajectory, attitud
     maps = {(item.frame, item.view): item.probabilities() for item in packed if item.frame in some.frames}
     fewer = {key: shown for key, shown in maps.items() if key[0] in _middle(some.frames, FEWER)}
 
-    def sharpest(ways: Iterable[Way], shown: Mapping[tuple[int, str], Probabilities]) -> Way:
-        def sharp(way: Way) -> float:
-            tried = _moved(some, way[1], way[0])
-            return sharpness(upright_patch(tried, facts, CELL), shown, facts.views, tried)
+    def laid(walked: Trajectory, way: Way) -> Trajectory:
+        return _moved(walked, Rotation.from_euler("y", way[1], degrees=True) * turn, way[0])
 
-        return max(ways, key=sharp)
+    def sharp(way: Way, shown: Mapping[tuple[int, str], Probabilities]) -> float:
+        moved = laid(some, way)
+        return sharpness(upright_patch(moved, facts, CELL), shown, facts.views, moved)
 
-    distance, _ = sharpest(((ratio, turn) for ratio in RATIOS.tolist()), fewer)
-    for _ in range(2):
-        turns = [Rotation.from_euler("y", angle, degrees=True) * turn for angle in TURNS_DEG.tolist()]
-        _, turn = sharpest(((distance, turned) for turned in turns), maps)
-        distance, _ = sharpest(((distance * factor, turn) for factor in FINE.tolist()), maps)
-    return _moved(path, turn, distance)
+    distance = max(RATIOS.tolist(), key=lambda ratio: sharp((ratio, 0.0), fewer))
+
+    def smeared(moved: Floats) -> float:
+        return -sharp((distance * (1 + moved[0]), moved[1]), maps)
+
+    options: Any = {"initial_simplex": SIMPLEX, "xatol": np.inf, "fatol": LEAST_GAIN}
+    nearer, turned = minimize(smeared, np.zeros(2), method="Nelder-Mead", options=options).x
+    return laid(path, (distance * (1 + nearer), turned))
 
 
 def _middle(frames: Ints, most: int) -> Ints:

@@ -30,7 +30,8 @@ class KeyFrames:
 
     def is_key(self, followed: Followed, odometry: Odometry) -> bool:
         """Whether the latest frame of the odometry is one; `followed`: the points that were followed to it."""
-        if self._followed is not None and not self._moved_on(self._followed, followed, odometry):
+        passed_over = not len(followed.numbers)
+        if passed_over or (self._followed is not None and not self._moved_on(self._followed, followed, odometry)):
             return False
         self._followed, self._pose, self._part = followed, odometry.pose, odometry.part
         return True

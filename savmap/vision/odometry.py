@@ -30,8 +30,12 @@ MOST_POINTS, ENOUGH, APART_PX, QUALITY = 450, 0.7, 14, 0.005
 MOST_RETURN_PX = 0.5
 SIGMA = 0.35 * 2 * np.pi / WIDTH
 """Of a ray, radians."""
+NOISE = 0.2 * 2 * np.pi / WIDTH
+"""Of a ray beside the others of its point, radians: it would draw points nearer, and shorten step after step."""
 LEAST_POINTS, LEAST_SHARE = 12, 0.3
 """By which a frame is placed, and which share of the points that are known must agree."""
+SHOWS, MOST_PASSED = 0.05, 3
+"""A frame to which no such share of the points could be followed is passed over; at most so many in a row."""
 FIRST_PARALLAX = float(np.radians(2.0))
 """Between the first two frames, beside what turning explains: the middle one of the points'."""
 KNOWN_PARALLAX = float(np.radians(1.0))
@@ -71,16 +75,23 @@ class Follower:
 
     def __init__(self) -> None:
         self._last: Grey | None = None
+        self._passed = 0
         self._numbers, self._pixels, self._next = np.zeros(0, np.int64), np.zeros((0, 2), np.float32), 0
         rows = np.abs(90 - (np.arange(WIDTH // 2) + 0.5) * 360 / WIDTH) < HIGHEST_DEG
         self._looked_at: Grey = np.zeros((WIDTH // 2, WIDTH + 2 * PAD), np.uint8)
         self._looked_at[rows, PAD:-PAD] = 255
 
     def update(self, panorama: Panorama) -> Followed:
-        """Follow the points to the next frame, and begin new ones where there are none."""
+        """Follow the points to the next frame, and begin new ones where there are none. No points where the frame is
+        passed over, for it is black, or broken: the next one goes on from the last before."""
         wide = _wide(seen(panorama))
         if self._last is not None and len(self._pixels):
+            numbers, pixels = self._numbers, self._pixels
             self._move(self._last, wide)
+            if len(self._pixels) < SHOWS * len(pixels) and self._passed < MOST_PASSED:
+                self._passed, self._numbers, self._pixels = self._passed + 1, numbers, pixels
+                return Followed(numbers[:0], pixels[:0])
+        self._passed = 0
         self._begin(wide)
         self._last = wide
         return Followed(self._numbers, self._pixels)
@@ -190,7 +201,7 @@ class _Points:
 
     def add(self, chosen: Bools, rays: Floats, place: Floats) -> None:
         """Add world rays (n, 3) from a place (3,) to the chosen points (n,)."""
-        across = np.eye(3) - rays[chosen, :, None] * rays[chosen, None, :]
+        across = np.eye(3) - (1 + 2 * NOISE**2) * rays[chosen, :, None] * rays[chosen, None, :]
         self.across[chosen] += across
         self.at[chosen] += across @ place
         self.rays[chosen] += 1
@@ -245,6 +256,10 @@ class Odometry:
         self._parts.append(-1)
         self._variances.append(np.zeros(6))
         self._last = followed
+        if not len(followed.numbers):
+            if self._waiting:
+                self._waiting.append(followed)
+            return np.zeros(0, np.int64)
         if self._waiting or not len(self._points.numbers):
             self._begin(followed)
             return np.zeros(0, np.int64)
@@ -265,7 +280,7 @@ class Odometry:
                 before, after = first.rays[a], followed.rays[b]
                 if _parallax(before, after) > FIRST_PARALLAX:
                     pose, agrees = two_views(before, after, SIGMA, len(self._poses))
-                    if agrees.sum() >= LEAST_POINTS:
+                    if agrees.sum() >= max(LEAST_POINTS, LEAST_SHARE * len(agrees)):
                         self._waiting.append(followed)
                         self._started(pose, shared[agrees])
                         return
@@ -310,13 +325,13 @@ class Odometry:
 
     def _predicted(self, frame: int) -> Floats:
         """Where the camera would be by its last step."""
-        part = self._part
-        before = [number for number in (frame - 1, frame - 2) if number >= 0 and self._parts[number] == part]
+        recent = range(max(0, frame - 2 * (1 + MOST_PASSED)), frame)
+        before = [number for number in recent if self._parts[number] == self._part][-2:]
         if len(before) < 2:
             return self._poses[before[0]] if before else np.eye(4)
-        last, earlier = (self._poses[number] for number in before)
-        pose: Floats = last.copy()
-        pose[:3, 3] += last[:3, 3] - earlier[:3, 3]
+        earlier, last = before
+        pose: Floats = self._poses[last].copy()
+        pose[:3, 3] += (pose[:3, 3] - self._poses[earlier][:3, 3]) * (frame - last) / (last - earlier)
         return pose
 
     def _keep(self, frame: int, pose: Floats, variance: Floats) -> None:

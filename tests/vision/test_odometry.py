@@ -171,6 +171,19 @@ def test_odometry_begins_a_new_part_after_a_gap() -> None:
     np.testing.assert_allclose(found.world_from_rig[12], np.eye(4))
 
 
+def test_odometry_passes_over_frames_that_show_nothing() -> None:
+    rng = np.random.default_rng(13)
+    true = straight(24, rng)
+    black = [1, 10, 11, 12, 20]
+    frames = [
+        frame if number not in black else Followed(frame.numbers[:0], frame.pixels[:0])
+        for number, frame in enumerate(drive(true, rng))
+    ]
+    found, shown = walked(frames), np.setdiff1d(np.arange(len(true)), black)
+    assert np.flatnonzero(found.part == 0).tolist() == shown.tolist()
+    assert_near(found.world_from_rig[shown], true[shown])
+
+
 def test_odometry_needs_no_frames_that_follow() -> None:
     rng = np.random.default_rng(9)
     frames = drive(straight(16, rng), rng)
@@ -242,6 +255,28 @@ def test_follower_begins_new_points_for_those_it_lost() -> None:
     assert not inside & set(covered.numbers.tolist())
     assert not inside & set(shown.numbers.tolist())
     assert (shown.numbers > whole.numbers.max()).sum() > 0.7 * len(inside)
+
+
+def test_follower_passes_over_black_frames() -> None:
+    def black(image: np.ndarray, number: int) -> None:
+        if number in {2, 3}:
+            image[:] = 0
+
+    follower = Follower()
+    frames = [follower.update(panorama) for panorama in turning(6, black)]
+    assert [len(frame.numbers) > 200 for frame in frames] == [True, True, False, False, True, True]
+    assert np.isin(frames[1].numbers, frames[4].numbers).mean() > 0.7
+
+
+def test_follower_begins_anew_where_nothing_goes_on() -> None:
+    def other(image: np.ndarray, number: int) -> None:
+        if number >= 2:
+            image[:] = image[::-1]
+
+    follower = Follower()
+    frames = [follower.update(panorama) for panorama in turning(8, other)]
+    assert [len(frame.numbers) > 200 for frame in frames] == [True, True, False, False, False, True, True, True]
+    assert np.isin(frames[1].numbers, frames[5].numbers).mean() < 0.05
 
 
 def test_follower_forgets_points() -> None:
