@@ -44,7 +44,7 @@ from savmap.types.progress import SilentMonitor
 from savmap.video.reader import Clip, DecodeReport, panoramas
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmenter
-from savmap.vision.odometry import WINDOW, Followed, Follower
+from savmap.vision.odometry import MOST_PASSED, WINDOW, Followed, Follower
 from savmap.vision.views import Renderer
 
 from ..plugin.made_up_plugin import plugin_class
@@ -319,7 +319,8 @@ def test_a_row_that_fails_leaves_the_drive_and_the_others_go_on(aimed: PassPlan)
 
 @pytest.mark.slow
 def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """But for the last second, in which a frame may still be missing. The result is the same."""
+    """But for the last second, in which a frame may still be missing, and what is passed over before it, for nothing can
+    be followed in these pictures. The result is the same."""
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
     plan = PassPlan("pass 1", Clip(write_video(tmp_path / "a.mp4", evenly(90, 30))), {"one": ViewPlan((AHEAD,))})
     seen: list[int] = []
@@ -353,7 +354,7 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
     seen.clear()
     again, read = walked(shelf)
     assert seen == list(range(40, 45))
-    assert read[0] >= 40 - 17
+    assert read[0] >= 40 - 17 - MOST_PASSED
     assert (again, list(range(45))) == walked(Shelf())
 
 
