@@ -132,15 +132,16 @@ class Estimate:
     variables: Mapping[int, Variable] = field(default_factory=dict)
 
 
-def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> Problem:
+def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False, bound: bool = False) -> Problem:
     """Join the plugins' parts and turn the references into relations.
 
     With `partial`, references to names that these plugins do not have are left out, for the camera is located before
-    the other plugins' landmarks are known. Raises SiteError for a reference to an unknown name otherwise,
+    the other plugins' landmarks are known. Frames that saw less than places them are left out, unless other factors
+    bind them to the rest (`bound`). Raises SiteError for a reference to an unknown name otherwise,
     StructureError if nothing was measured: no landmark in a frame with a first pose nor, where the camera's path is
     given, anything by a plugin's factor in one of its frames.
     """
-    measurements = _measured(camera, parts)
+    measurements = _measured(camera, parts, bound)
     if camera.calibration is not None:
         measurements = camera.calibration.with_parameters(measurements)
     frames = measurements.frames if camera.fixed is None else np.union1d(measurements.frames, camera.fixed.frames)
@@ -153,14 +154,15 @@ def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> P
     return Problem(camera, kept, (*structure, *references), measurements, partial)
 
 
-def _measured(camera: CameraPriors, parts: Sequence[Constraints]) -> ImageMeasurements:
-    """All measurements in frames with a first pose. Raises StructureError where there is nothing at all to solve."""
+def _measured(camera: CameraPriors, parts: Sequence[Constraints], all_frames: bool) -> ImageMeasurements:
+    """All measurements in frames with a first pose, those that show little among them if `all_frames`. Raises
+    StructureError where there is nothing at all to solve."""
     bound = camera.fixed is not None and any(part.factors is not None and part.factors.size() for part in parts)
     if not bound and not any(len(part.measurements) for part in parts):
         raise StructureError(f"row {camera.facts.name}: nothing was tracked in any frame, so there is nothing to solve")
     measurements = join([part.measurements for part in parts])
     measurements = measurements.take(np.isin(measurements.frames, (camera.fixed or camera.start).frames))
-    return measurements if camera.fixed is not None else _of_sure_frames(measurements)
+    return measurements if all_frames or camera.fixed is not None else _of_sure_frames(measurements)
 
 
 def _of_sure_frames(measurements: ImageMeasurements) -> ImageMeasurements:

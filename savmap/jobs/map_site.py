@@ -47,7 +47,7 @@ from savmap.site.model import Pass, pass_names
 from savmap.site.preflight import questions, require_ready
 from savmap.types import Evaluation, Picture, SiteMap, Survey
 from savmap.types.progress import Monitor
-from savmap.video.reader import probe
+from savmap.video.reader import probe_clip
 from savmap.vision.networks.session import network_digest, runtime_version
 
 DRAWN = "drawn"
@@ -194,7 +194,7 @@ def _footage_of(passes: Sequence[Pass]) -> dict[str, FootageFile]:
         file = row_pass.video.name
         footage[name] = FootageFile(name=file)
         with suppress(VideoError):
-            info = probe(row_pass.video)
+            info = probe_clip(row_pass.clip)
             footage[name] = FootageFile(name=file, width=info.width, height=info.height)
     return footage
 

@@ -77,7 +77,7 @@ def beside_drive(row_pass: Pass, distance_m: float, monitor: Monitor) -> BesideD
     """The path of a pass, and the plane on its side. Raises as `map_plane` does."""
     renderer = Renderer()
     preview = preview_of(row_pass.clip, renderer)
-    warnings = require_panoramas(row_pass.clip.path, preview.keys)
+    warnings = require_panoramas(row_pass.clip, preview.keys)
     face = choose_face(preview, lambda spec, panorama: 1.0, row_pass.side)
     views = ViewPlan((tilted(face, 0.0, HFOV_DEG, VIEW),), face.world_from_rig, face.travel)
     plan = PassPlan("pass 1", row_pass.clip, {VIEW: views}, row_pass.side, warnings)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from savmap.geometry import pinhole
 from savmap.pipeline.view_plans import PassPlan
 from savmap.types import FilmedPanorama, Floats, Panorama, Still, Strip, Trajectory, ViewSpec
-from savmap.video.reader import probe
+from savmap.video.reader import probe_clip
 from savmap.vision.evidence import PackedView
 from savmap.vision.view_planning import face_at, tilted
 from savmap.vision.views import Renderer
@@ -74,7 +74,7 @@ def strip_views(plan: PassPlan, plugin: str) -> Iterator[ViewSpec]:
 
     Its resolution is the panorama's, up to `MOST_HEIGHT_PX` rows.
     """
-    info = probe(plan.clip.path, plan.clip.images_fps)
+    info = probe_clip(plan.clip)
     for (of_plugin, name), spec in plan.views().items():
         if of_plugin != plugin:
             continue

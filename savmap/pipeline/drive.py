@@ -57,7 +57,7 @@ from savmap.types.progress import Monitor
 from savmap.video.clip import is_folder, too_few
 from savmap.video.motion import PassWatch, Steps
 from savmap.video.prefetch import prefetch
-from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe
+from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, probe_clip
 from savmap.vision.evidence import PackedView
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.odometry import Followed, Follower, Odometry, WalkedPath, flows
@@ -86,7 +86,7 @@ def frames_of(passes: Sequence[Pass]) -> int:
     the drive will tell."""
     clips = {row_pass.footage: row_pass.clip for row_pass in passes}.values()
     try:
-        return sum(expected_frames(clip, probe(clip.path, clip.images_fps)) for clip in clips)
+        return sum(expected_frames(clip, probe_clip(clip)) for clip in clips)
     except VideoError:
         return 1
 
@@ -152,7 +152,7 @@ def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monit
     report, text = DecodeReport(), f"{names}, {rows[0].plan.name}: measuring"
     with Drive(rows, renderer, report) as drive:
         try:
-            total = expected_frames(clip, probe(clip.path, clip.images_fps))
+            total = expected_frames(clip, probe_clip(clip))
             known_s = drive.resume()
             with prefetch(panoramas(clip, 0, report, known_s), 1) as frames:
                 for panorama in monitor.each(frames, text, total - len(known_s)):
@@ -306,7 +306,7 @@ class Way:
 def numbered(panorama: Panorama, frame: int) -> Panorama:
     """A panorama of a drive with its number in a row."""
     if isinstance(panorama, FilmedPanorama):
-        return FilmedPanorama(frame, panorama.stamp_s, panorama.planes)
+        return FilmedPanorama(frame, panorama.stamp_s, panorama.planes, panorama.seen)
     return replace(panorama, frame=frame)
 
 
@@ -512,7 +512,7 @@ class RowWalk:
         plan, count = self.plan, len(steps.stamps_s)
         if count < MIN_FRAMES:
             raise StructureError(too_few(plan.clip, count, plan.name))
-        course = require_course(plan.name, plan.clip.path, steps, plan.attitude(), plan.side)
+        course = require_course(plan.name, plan.clip, steps, plan.attitude(), plan.side)
         amid = (
             warning if warning.frame is None else replace(warning, frame=self._frame_at(warning.frame))
             for warning in course

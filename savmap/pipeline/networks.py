@@ -48,7 +48,7 @@ def with_best_networks(
     Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are
     no panoramas.
     """
-    warnings = require_panoramas(row_pass.clip.path, preview.keys)
+    warnings = require_panoramas(row_pass.clip, preview.keys)
     chosen: dict[str, tuple[LoadedPlugin, ViewPlan]] = {}
     for plugin in face_first(plugins):
         chosen[plugin.name] = with_best_network(

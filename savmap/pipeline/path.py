@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from savmap import graph
 from savmap.errors import StructureError
 from savmap.geometry.poses import middle_rotation
-from savmap.graph import CameraPriors, References, camera_priors, published_start
+from savmap.graph import CameraPriors, Constraints, References, camera_priors, published_start
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Floats, FrameTable, Trajectory
@@ -99,7 +99,22 @@ def located_by(
         attitudes = start.world_from_rig[:, :3, :3]
         tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, path)
         constraints = plugin.constrain(tracks, measurements.facts, row.path or start)
-    return graph.locate_camera(graph.merge(frames, constraints, partial=True))
+    return graph.locate_camera(with_walk(row, measurements, frames, constraints, partial=True))
+
+
+def with_walk(
+    row: RowRequest, measurements: RowMeasurements, frames: CameraPriors, *parts: Constraints, partial: bool = False
+) -> graph.Problem:
+    """The parts joined, with the form of the drive's path where the camera does not see all around: a single frame of
+    it shows too little to be placed by."""
+    walked = measurements.walked
+    if walked is None or row.path is not None or not row.sees_in_part:
+        return graph.merge(frames, *parts, partial=partial)
+    used = graph.merge(frames, *parts, partial=partial, bound=True).used
+    table = measurements.facts.frames
+    of_passes = [np.intersect1d(used, table.of_pass(name)) for name in dict.fromkeys(table.passes)]
+    walks = [graph.walked_constraints(walked, of_pass) for of_pass in of_passes]
+    return graph.merge(frames, *parts, *walks, partial=partial, bound=True)
 
 
 def completed(row: RowRequest, frames: FrameTable) -> RowRequest:

@@ -116,6 +116,11 @@ class RowRequest:
     against: Mapping[str, RowMap] = field(default_factory=dict)
 
     @property
+    def sees_in_part(self) -> bool:
+        """Whether a pass was filmed by a camera that may not see all around."""
+        return any(row_pass.clip.camera is not None for row_pass in self.passes)
+
+    @property
     def attitudes(self) -> Mapping[str, Floats]:
         """world_from_rig (3, 3) at the start of the row's (only) pass, where an earlier map gives it."""
         return {"pass 1": self.path.world_from_rig[0, :3, :3]} if self.path is not None else {}

@@ -11,7 +11,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
 from savmap.types import Floats, MapWarning, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, preview_frames
-from savmap.vision.view_planning import Manual, PassPreview
+from savmap.vision.view_planning import Manual, PassPreview, own_view
 from savmap.vision.views import Renderer
 
 
@@ -76,7 +76,7 @@ def plan_pass(
     panoramas.
     """
     pass_preview = preview_of(row_pass.clip, renderer)
-    warnings = require_panoramas(row_pass.clip.path, pass_preview.keys)
+    warnings = require_panoramas(row_pass.clip, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
@@ -104,6 +104,8 @@ def plan_views(
     attitude: Floats | None,
 ) -> ViewPlan:
     """The views of a pass that one plugin wants; `attitude` as in `plan_pass`."""
-    manual = {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
+    whole = own_view(pass_preview.keys[0])
+    manual = {"face": whole} if whole is not None else {}
+    manual |= {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
     predict = partial(segmenters.detect, plugin)
     return plugin.render_views(pass_preview, predict, row_pass.side, manual, attitude)

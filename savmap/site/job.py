@@ -20,6 +20,7 @@ from savmap.site.load import draft_of, is_footage, notes_on, read_draft, site_of
 from savmap.site.locations import SourceMap
 from savmap.site.model import SIDES, Side, Site
 from savmap.site.overrides import Override
+from savmap.site.sections import MODELS
 
 VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
@@ -94,10 +95,11 @@ def job_for(
     overrides: Sequence[Override] = (),
     against: Path | None = None,
     against_row: str | None = None,
+    camera: Mapping[str, Any] | None = None,
 ) -> Job:
     """The job that the command line describes. `source` is a site file, a folder that holds one, or a video (or folder
     of pictures); `overrides` are set in either. Maps, or their folders: `earlier`, whose camera path is taken as known;
-    `against`, which the run updates.
+    `against`, which the run updates. `camera`: a video's, as the site file has it.
 
     Raises SiteError for a bad site file or options that do not fit it.
     """
@@ -105,11 +107,12 @@ def job_for(
         source = source / SITE_FILE
     require_one_map(earlier, against, against_row)
     if is_footage(source):
-        content = video_content(source, camera_height_m, side)
+        content = video_content(source, camera_height_m, side, camera)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
-    elif camera_height_m is not None or side is not None:
+    elif camera_height_m is not None or side is not None or camera:
         raise SiteError(
-            f"{source}: --camera-height and --side go with a video; a site file has `references` and `side`"
+            f"{source}: --camera-height and --side go with a video, as --camera does; a site file has `camera`, "
+            "`references` and `side`"
         )
     else:
         draft = read_draft(source, overrides)
@@ -146,14 +149,32 @@ def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[st
     return taken, f"no plugins are named: looking for {', '.join(taken)}{left}"
 
 
-def video_content(video: Path, camera_height_m: float | None, side: str | None) -> dict[str, Any]:
+def video_content(
+    video: Path, camera_height_m: float | None, side: str | None, camera: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """The content of a site of one row and one pass. Raises SiteError for options out of range."""
     if side is not None:
         side_of(side)
     if camera_height_m is not None:
         _require_height(camera_height_m)
     height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
-    return {"references": height, "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}}}
+    return {
+        "references": height,
+        "camera": camera or None,
+        "rows": {VIDEO_ROW: {"passes": [{"video": video, "side": side}]}},
+    }
+
+
+def camera_content(model: str | None, hfov_deg: float | None, calibration: Path | None) -> dict[str, Any]:
+    """The section `camera` of a site that options describe; empty where none is given. Raises SiteError for a part of
+    a camera without its model, and for a model that is not known."""
+    rest = {"hfov_deg": hfov_deg, "calibration": str(calibration.absolute()) if calibration else None}
+    given = {key: value for key, value in rest.items() if value is not None}
+    if model is None and given:
+        raise SiteError("--hfov and --calibration say more of a --camera: pinhole, fisheye or fisheye-pair")
+    if model is not None and model not in MODELS:
+        raise SiteError(f"--camera {model}: it is one of {', '.join(MODELS)}")
+    return {} if model is None else {"model": model, **given}
 
 
 def side_of(given: str) -> Side:

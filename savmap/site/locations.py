@@ -11,7 +11,7 @@ from savmap.files import validation
 from savmap.files.validation import Location, allows_section, annotations_at, is_model, path_of
 from savmap.files.yaml_text import space_needed, unspaced
 
-INHERITED = ("video", "fps")
+INHERITED = ("video", "fps", "camera")
 """What passes take from their row, or from the site, where they do not say it themselves."""
 
 

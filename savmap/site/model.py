@@ -13,6 +13,7 @@ from savmap.site.locations import INHERITED
 from savmap.site.sections import (
     AlignSection,
     CalibrationSection,
+    CameraSection,
     LayoutSection,
     PlaceSection,
     Providers,
@@ -23,7 +24,7 @@ from savmap.site.sections import (
 )
 from savmap.video.clip import IMAGES_FPS, USUAL_FPS, Clip, is_folder
 
-Footage = tuple[Path, float, float | None, float]
+Footage = tuple[Path, float, float | None, float, CameraSection | None]
 Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = ("left", "right")
 Rate = Annotated[float, Field(gt=0, le=120)]
@@ -94,6 +95,8 @@ class Pass(Strict):
     fps: Rate | None = None
     """Sampling rate; every frame where the video has fewer. Default: the row's, the site's, or 15; every picture of a
     folder, which count as 30 a second."""
+    camera: CameraSection | None = None
+    """The camera. Default: the row's, the site's, or one of whole panoramas."""
     side: Side | None = None
     """The hand the face is on as one drives along."""
     direction: Literal["+x", "-x"] | None = None
@@ -129,12 +132,13 @@ class Pass(Strict):
     @property
     def footage(self) -> Footage:
         """What passes have in common that are the same frames, whichever face they look at."""
-        return self.video, self.start_s, self.end_s, self.rate
+        return self.video, self.start_s, self.end_s, self.rate, self.camera
 
     @property
     def clip(self) -> Clip:
         """The part of the video that the pass means."""
-        return Clip(self.video, self.start_s or None, self.end_s, self.rate)
+        camera = None if self.camera is None or self.camera.model == "panorama" else self.camera
+        return Clip(self.video, self.start_s or None, self.end_s, self.rate, camera=camera)
 
 
 class Row(Strict):
@@ -146,6 +150,8 @@ class Row(Strict):
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none."""
+    camera: CameraSection | None = None
+    """The camera of passes that name none."""
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
     references: ReferenceSection = ReferenceSection()
@@ -187,6 +193,8 @@ class Site(Strict):
     """The video of passes that name none."""
     fps: Rate | None = None
     """Sampling rate of passes that name none (15)."""
+    camera: CameraSection | None = None
+    """The camera of passes that name none: of whole panoramas if not given."""
     views: Mapping[str, ViewSection] = {}
     """Views aimed by hand, for all passes."""
     providers: Providers = ()

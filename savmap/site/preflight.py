@@ -29,9 +29,9 @@ from savmap.site.job import Job, plugins_for, prepare
 from savmap.site.locations import SourceMap, explained, misspelt
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
-from savmap.site.sections import ReferenceSection
-from savmap.video.clip import VideoInfo, time_range, too_few
-from savmap.video.reader import check_camera, expected_frames, probe
+from savmap.site.sections import CameraSection, ReferenceSection
+from savmap.video.clip import Clip, VideoInfo, time_range, too_few
+from savmap.video.reader import check_camera, expected_frames, probe_clip
 from savmap.vision.markers import MarkerTracker
 
 Finding = TypeVar("Finding")
@@ -259,10 +259,10 @@ def _surveyed(job: Job, row: str, entry: Any) -> Iterator[SavmapError]:
 
 def footage(job: Job) -> Iterator[SavmapError | Footage]:
     """Passes whose videos can be read, and what is wrong with the others."""
-    probed: dict[Path, VideoInfo | VideoError] = {}
+    probed: dict[tuple[Path, CameraSection | None], VideoInfo | VideoError] = {}
     for row, section in job.site.rows.items():
         for number, (name, row_pass) in enumerate(zip(pass_names(section.passes), section.passes, strict=True)):
-            info = probed.setdefault(row_pass.video, _probed(row_pass.video))
+            info = probed.setdefault((row_pass.video, row_pass.camera), _probed(row_pass.clip))
             at: Location = ("rows", row, "passes", number)
             yield (
                 _footage(job, Footage(row, name, at, row_pass, info, 0))
@@ -271,10 +271,10 @@ def footage(job: Job) -> Iterator[SavmapError | Footage]:
             )
 
 
-def _probed(video: Path) -> VideoInfo | VideoError:
+def _probed(clip: Clip) -> VideoInfo | VideoError:
     try:
-        info = probe(video)
-        check_camera(info)
+        info = probe_clip(clip)
+        check_camera(clip, info)
     except VideoError as error:
         return error
     return info

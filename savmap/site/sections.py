@@ -7,6 +7,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -26,7 +27,9 @@ from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
 from savmap.files.validation import SHORT, fields_of, may_be_none
+from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
 from savmap.maps.schema import FARTHEST_WORLD_M
+from savmap.video.calibration import camera_from
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
 Sigma = Annotated[float, Field(gt=0, le=10)]
@@ -240,6 +243,56 @@ class ViewSection(Strict):
     """Pixels."""
     height: Annotated[int, Field(ge=64, le=8192)] = 480
     """Pixels."""
+
+
+Model = Literal["panorama", "pinhole", "fisheye", "fisheye-pair"]
+MODELS: tuple[str, ...] = get_args(Model)
+USUAL_HFOV_DEG = {"pinhole": 65.0, "fisheye": 180.0, "fisheye-pair": 190.0}
+"""Of a phone's main lens filming upright video is about 65 degrees across."""
+
+
+class CameraSection(Strict):
+    """The camera that took the pictures, where they are no whole panoramas: `hfov_deg` or a calibration says which
+    directions they show."""
+
+    model: Model
+    """A whole panorama a picture; an ordinary lens; a fisheye lens; two of them, back to back, their circles side by
+    side."""
+    hfov_deg: Annotated[float, Field(gt=10, lt=300)] | None = None
+    """From the left border of the picture (of a pair: of the left half) to the right one. Default: 65 for an ordinary
+    lens, 180 for a fisheye, 190 for a pair."""
+    calibration: Where | None = None
+    """A calibration file of OpenCV, ROS (`camera_info`) or Kalibr, in place of `hfov_deg`."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> "CameraSection":
+        if self.calibration is not None and self.hfov_deg is not None:
+            raise ValueError("`calibration` says what `hfov_deg` says: give one of them")
+        if self.model == "panorama" and (self.calibration is not None or self.hfov_deg is not None):
+            raise ValueError("a whole panorama needs neither `hfov_deg` nor `calibration`")
+        if self.model == "pinhole" and self.hfov_deg is not None and self.hfov_deg > WIDEST_PINHOLE_DEG:
+            raise ValueError(f"no ordinary lens shows {self.hfov_deg:g} degrees: is it a fisheye?")
+        return self
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The camera of pictures of this size. Raises SiteError where its calibration is not of such pictures, or of
+        another model."""
+        if self.calibration is not None:
+            camera = camera_from(self.calibration, width, height)
+            if not isinstance(camera, KINDS[self.model]):
+                raise SiteError(f"{self.calibration}: the calibration is of another model than `{self.model}`")
+            return camera
+        hfov = self.hfov_deg or USUAL_HFOV_DEG[self.model]
+        if self.model == "pinhole":
+            return Pinhole.of_hfov(width, height, hfov)
+        if self.model == "fisheye":
+            return Fisheye.of_hfov(width, height, hfov)
+        lens = Fisheye.of_hfov(width // 2, height, hfov)
+        return FisheyePair(lens, lens, np.eye(3), np.diag([-1.0, 1.0, -1.0]))
+
+
+WIDEST_PINHOLE_DEG = 150.0
+KINDS: Mapping[str, type[Camera]] = {"pinhole": Pinhole, "fisheye": Fisheye, "fisheye-pair": FisheyePair}
 
 
 class PanoramaSection(Strict):

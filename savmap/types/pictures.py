@@ -18,11 +18,12 @@ from savmap.types.common import Axis, Floats, Ints, array_record, read_only, req
 @array_record
 class Panorama:
     """One equirectangular picture: `frame` is its number in the row, `stamp_s` the time in its video, `image` (H, 2H,
-    3) uint8 RGB."""
+    3) uint8 RGB; `seen` (H, 2H) uint8, 255 where the camera sees, else 0; None where it sees all around."""
 
     frame: int
     stamp_s: float
     image: NDArray[np.uint8]
+    seen: NDArray[np.uint8] | None = None
 
     def __post_init__(self) -> None:
         height = len(self.image)

@@ -53,10 +53,10 @@ class FilmedPanorama(Panorama):
 
     planes: Planes
 
-    def __init__(self, frame: int, stamp_s: float, planes: Planes) -> None:
+    def __init__(self, frame: int, stamp_s: float, planes: Planes, seen: Plane | None = None) -> None:
         height = len(planes.luma)
         require(planes.luma.shape == (height, 2 * height), self, "planes must be (H, 2H)")
-        self.__dict__.update(frame=frame, stamp_s=stamp_s, planes=planes)  # the record is frozen
+        self.__dict__.update(frame=frame, stamp_s=stamp_s, planes=planes, seen=seen)  # the record is frozen
 
     @property
     def height(self) -> int:
@@ -67,6 +67,8 @@ class FilmedPanorama(Panorama):
         return read_only(self.planes.rgb)
 
 
-def panorama_of(frame: int, stamp_s: float, picture: Plane | Planes) -> Panorama:
-    """A panorama made of planes or of RGB."""
-    return FilmedPanorama(frame, stamp_s, picture) if isinstance(picture, Planes) else Panorama(frame, stamp_s, picture)
+def panorama_of(frame: int, stamp_s: float, picture: Plane | Planes, seen: Plane | None = None) -> Panorama:
+    """A panorama made of planes or of RGB; `seen` as in `Panorama`."""
+    if isinstance(picture, Planes):
+        return FilmedPanorama(frame, stamp_s, picture, seen)
+    return Panorama(frame, stamp_s, picture, seen)

@@ -3,12 +3,14 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from savmap.errors import VideoError
 from savmap.files.urls import is_url
+from savmap.geometry.cameras import Camera
 from savmap.types import Planes
 
 Image = NDArray[np.uint8]
@@ -25,16 +27,25 @@ MOST_WIDTH = 16384
 MOST_PIXELS = MOST_WIDTH * (MOST_WIDTH // 2 + 64)
 
 
+class CameraSource(Protocol):
+    """Tells which camera took pictures of a size."""
+
+    def camera(self, width: int, height: int) -> Camera:
+        """The camera. Raises SiteError where pictures of this size cannot be its."""
+
+
 @dataclass(frozen=True)
 class Clip:
     """One pass: a video file or a folder of pictures (sorted by name, `images_fps` a second), the part of it from
-    `start_s` up to `end_s` (None: its beginning, its end), and the rate `fps` at which frames are sampled."""
+    `start_s` up to `end_s` (None: its beginning, its end), the rate `fps` at which frames are sampled, and what
+    tells the camera (None: of whole panoramas)."""
 
     path: Path
     start_s: float | None = None
     end_s: float | None = None
     fps: float = USUAL_FPS
     images_fps: float = IMAGES_FPS
+    camera: CameraSource | None = None
 
     def __post_init__(self) -> None:
         if self.fps <= 0 or self.images_fps <= 0:
@@ -101,12 +112,16 @@ def require_memory(width: int, height: int) -> None:
     np.empty((SPARE, height, width, 3), np.uint8)
 
 
-def check_shape(path: Path | str, width: int, height: int) -> None:
-    """Raise VideoError where a picture is not twice as wide as high, or too large to be held in memory many times."""
+def check_shape(path: Path | str, width: int, height: int, panoramic: bool = True) -> None:
+    """Raise VideoError where a picture is too large to be held in memory many times, or one of a panoramic camera not
+    twice as wide as high."""
     if not width or not height:
         raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")
-    if width != 2 * height or height < 2:
-        raise VideoError(f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video")
+    if panoramic and (width != 2 * height or height < 2):
+        raise VideoError(
+            f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video, or say which "
+            "camera took them: --camera pinhole"
+        )
     if width > MOST_WIDTH:
         raise VideoError(f"{path}: pictures are {width}x{height}; at most {MOST_WIDTH}x{MOST_WIDTH // 2} are read")
 

@@ -19,7 +19,7 @@ from av.video.stream import VideoStream
 from savmap.errors import VideoError
 from savmap.files.urls import is_url
 from savmap.types import Floats
-from savmap.video.clip import END_TOLERANCE_S, MOST_PIXELS, VideoInfo, check_shape
+from savmap.video.clip import END_TOLERANCE_S, MOST_PIXELS, VideoInfo
 from savmap.video.image_folder import picture_size
 
 CONTAINERS = "mov,matroska,avi,mpegts,mpeg,asf,flv,mxf,ogg,nut"
@@ -131,11 +131,10 @@ def part_kinds(file: BinaryIO) -> Iterator[bytes]:
 
 
 def probe_file(path: Path) -> VideoInfo:
-    """What a video file's header says. Raises VideoError for a file that is no video, damaged, not 2:1, or two
+    """What a video file's header says. Raises VideoError for a file that is no video, damaged, or two
     recordings."""
     with open_video(path) as (container, stream):
         context = stream.codec_context
-        check_shape(path, context.width, context.height)
         duration = _duration_s(container, stream)
         rate = float(stream.average_rate or stream.guessed_rate or 0)
         info = VideoInfo(path, context.width, context.height, context.name, context.pix_fmt or "", rate, duration)

@@ -98,17 +98,22 @@ class _Expected(set[float]):
         return any(start_s - INSTANT_S <= stamp < end_s for stamp in self.missing)
 
 
-def decode_at(info: VideoInfo, stamps_s: Sequence[float]) -> Iterator[tuple[float, Picture]]:
-    """The first good picture at or after each time (ascending); none for times without one."""
+def decode_at(info: VideoInfo, stamps_s: Sequence[float], panoramic: bool = True) -> Iterator[tuple[float, Picture]]:
+    """The first good picture at or after each time (ascending); none for times without one. `panoramic` as in
+    `frames_from`."""
     reformatter = VideoReformatter()
-    for frames in frames_from(info, stamps_s):
+    for frames in frames_from(info, stamps_s, panoramic=panoramic):
         for stamp, frame in frames:
             yield stamp, picture_of(frame, reformatter)
             break
 
 
 def frames_from(
-    info: VideoInfo, stamps_s: Sequence[float], margin_s: float = SEEK_MARGIN_S, report: DecodeReport | None = None
+    info: VideoInfo,
+    stamps_s: Sequence[float],
+    margin_s: float = SEEK_MARGIN_S,
+    report: DecodeReport | None = None,
+    panoramic: bool = True,
 ) -> Iterator[TimedFrames]:
     """For each time (ascending), the good frames from that time on, with their times; take a few before asking for the
     next.
@@ -117,7 +122,7 @@ def frames_from(
     begins `margin_s` earlier, for the first frames after a key frame may be missed where frames are not shown in the
     order in which they are decoded (B frames); times at key frames of other files need no margin, and cost one frame
     each. All decoded frames are counted in `report`. Raises VideoError for a file of two recordings, and for one that
-    says of itself that it holds no upright panoramas.
+    says of itself that it holds no upright panoramas where it should (`panoramic`).
     """
     report = DecodeReport() if report is None else report
     with open_video(info.path) as (container, stream):
@@ -135,7 +140,7 @@ def frames_from(
             if key > last_key:
                 seek(container, stream, _within(keys, key))
                 frames, last_key = _counted(_frames(container, stream, set()), info, report, stamp), key
-            yield _from(frames, stamp, info)
+            yield _from(frames, stamp, info, panoramic)
 
 
 def _within(keys: Floats, key: int) -> float:
@@ -144,10 +149,10 @@ def _within(keys: Floats, key: int) -> float:
     return float(keys[key] + following) / 2
 
 
-def _from(frames: TimedFrames, start_s: float, info: VideoInfo) -> TimedFrames:
+def _from(frames: TimedFrames, start_s: float, info: VideoInfo, panoramic: bool) -> TimedFrames:
     for stamp, frame in frames:
         if stamp >= start_s - INSTANT_S and _fits(frame, info):
-            check_frame(info.path, frame)
+            check_frame(info.path, frame, panoramic)
             yield stamp, frame
 
 
@@ -230,18 +235,20 @@ def rgb_from_yuv(of_red: float, of_blue: float, full: bool) -> Floats:
     return np.hstack([matrix, -matrix @ [[low], [128], [128]]])
 
 
-def check_frame(path: Path, frame: VideoFrame) -> None:
-    """Raise VideoError where a file's first frame comes with the word that it is no upright panorama of one eye."""
-    for objection in _objections(frame):
+def check_frame(path: Path, frame: VideoFrame, panoramic: bool = True) -> None:
+    """Raise VideoError where a file's first frame comes with the word that it is to be turned, or, where it should be
+    one, no upright panorama of one eye."""
+    for objection in _objections(frame, panoramic):
         raise VideoError(f"{path}: {objection}")
 
 
-def _objections(frame: VideoFrame) -> Iterator[str]:
+def _objections(frame: VideoFrame, panoramic: bool) -> Iterator[str]:
     entries: Iterable[SideData] = frame.side_data  # type: ignore[assignment]  # PyAV's stub: names, not entries
     data = {entry.type: bytes(entry) for entry in entries}
     yield from _of_matrix(data.get(Type.DISPLAYMATRIX, b""))
-    yield from _of_stereo(data.get(Type.STEREO3D, b""))
-    yield from _of_sphere(data.get(Type.SPHERICAL, b""))
+    if panoramic:
+        yield from _of_stereo(data.get(Type.STEREO3D, b""))
+        yield from _of_sphere(data.get(Type.SPHERICAL, b""))
 
 
 def _of_matrix(data: bytes) -> Iterator[str]:

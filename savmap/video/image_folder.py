@@ -12,7 +12,7 @@ from PIL import Image as Pillow
 
 from savmap.errors import VideoError
 from savmap.files.atomic import write_bytes
-from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, check_shape, require_memory
+from savmap.video.clip import DecodeReport, Image, Picture, Source, VideoInfo, require_memory
 
 SUFFIXES = {".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"}
 JPEG_START, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
@@ -27,15 +27,13 @@ def picture_paths(folder: Path) -> list[Path]:
 
 
 def probe_folder(folder: Path, fps: float) -> VideoInfo:
-    """Size of the first sound picture, and the length of the folder at `fps`. Raises VideoError for no pictures, not
-    2:1, too large."""
+    """Size of the first sound picture, and the length of the folder at `fps`. Raises VideoError for no pictures."""
     paths = picture_paths(folder)
     if not paths:
         raise VideoError(f"{folder}: the folder holds no pictures ({', '.join(sorted(SUFFIXES))})")
     size = next((size for path in paths if (size := picture_size(path)) is not None), None)
     if size is None:
         raise VideoError(f"{folder}: none of the {len(paths)} pictures can be read: they are damaged, or far too large")
-    check_shape(folder, *size)
     return VideoInfo(folder, *size, "images", "rgb24", fps, len(paths) / fps)
 
 

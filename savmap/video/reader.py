@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from savmap.video.clip import (
     Picture,
     Source,
     VideoInfo,
+    check_shape,
     missing_s,
     time_range,
     usual_gap_s,
@@ -25,6 +27,7 @@ from savmap.video.clip import (
 from savmap.video.container import exact_key_times, probe_file
 from savmap.video.decode import decode_at, decode_file
 from savmap.video.image_folder import probe_folder, read_at, read_folder
+from savmap.video.laid import Laid
 from savmap.video.motion import small_grey
 
 __all__ = [
@@ -36,6 +39,7 @@ __all__ = [
     "panoramas",
     "preview_frames",
     "probe",
+    "probe_clip",
     "sampled",
     "sampling_fps",
 ]
@@ -46,24 +50,47 @@ WIDER = (2, 4, 8)
 STILL_WIDTH, STILL = 256, 0.7
 
 
-def probe(path: Path, images_fps: float = 30.0) -> VideoInfo:
-    """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or not
-    2:1."""
+def probe(path: Path, images_fps: float = 30.0, panoramic: bool = True) -> VideoInfo:
+    """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or, of a
+    panoramic camera, not 2:1."""
     if not path.exists():
         raise VideoError(f"{path}: no such file or folder{likely(path)}")
     if path.is_dir():
-        return probe_folder(path, images_fps)
+        return _checked(probe_folder(path, images_fps), panoramic)
     if not path.is_file():
         raise VideoError(f"{path}: not a video file but a device or a pipe")
     if path.stat().st_size == 0:
         raise VideoError(f"{path}: the file is empty")
-    return probe_file(path)
+    return _checked(probe_file(path), panoramic)
 
 
-def check_camera(info: VideoInfo) -> None:
-    """Raise VideoError where a video file says of itself that it holds no upright panoramas."""
+def _checked(info: VideoInfo, panoramic: bool) -> VideoInfo:
+    check_shape(info.path, info.width, info.height, panoramic)
+    return info
+
+
+def probe_clip(clip: Clip) -> VideoInfo:
+    """What a clip's file or folder holds. Raises VideoError as `probe` does."""
+    return probe(clip.path, clip.images_fps, clip.camera is None)
+
+
+def check_camera(clip: Clip, info: VideoInfo) -> None:
+    """Raise VideoError where a video file says of itself that it holds no upright panoramas, or, of another camera, no
+    upright pictures. Raises SiteError where pictures of this size cannot be the camera's."""
     if info.codec != "images":
-        next(decode_at(info, [0.0]), None)
+        next(decode_at(info, [0.0], clip.camera is None), None)
+    _laid(clip, info)
+
+
+def _laid(clip: Clip, info: VideoInfo) -> Laid | None:
+    """What lays a clip's pictures into panoramas; None where they are some. Raises SiteError as `CameraSource`."""
+    return None if clip.camera is None else Laid(clip.camera.camera(info.width, info.height))
+
+
+def _panorama(number: int, stamp_s: float, picture: Picture, laid: Laid | None) -> Panorama:
+    if laid is None:
+        return panorama_of(number, stamp_s, picture)
+    return panorama_of(number, stamp_s, laid.panorama(picture), laid.seen)
 
 
 def sampling_fps(clip: Clip, info: VideoInfo) -> float:
@@ -88,7 +115,8 @@ def panoramas(
     where nothing can be decoded.
     """
     report = DecodeReport() if report is None else report
-    info = probe(clip.path, clip.images_fps)
+    info = probe_clip(clip)
+    laid = _laid(clip, info)
     start, end = time_range(clip, info.duration_s)
     last, gap = (known_s[-1], max(np.diff(known_s, prepend=start))) if known_s else (start, 0.0)
     report.used += len(known_s)
@@ -97,7 +125,7 @@ def panoramas(
     for stamp, image in sampled(read(info, last, end, report), clip.fps, report, known_s):
         last, gap = stamp, max(gap, stamp - last)
         report.decoded_by.append(report.decoded)
-        yield panorama_of(first_frame + report.used - 1, stamp, image)
+        yield _panorama(first_frame + report.used - 1, stamp, image, laid)
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
     rate = sampling_fps(clip, info)
@@ -131,7 +159,7 @@ def preview_frames(
     the camera stands in all pairs, or frames are repeated, or fewer than the header says, pairs further apart are
     taken. Pictures higher than `max_height` are shrunk by a whole factor. Raises VideoError as `panoramas` does.
     """
-    info = probe(clip.path, clip.images_fps)
+    info = probe_clip(clip)
     step = 1 / sampling_fps(clip, info)
     times, second = _preview_times(clip, info, keys, pairs)
     spacing = min(np.diff(times), default=0.0)
@@ -158,10 +186,12 @@ def _preview_times(clip: Clip, info: VideoInfo, keys: int, pairs: int) -> tuple[
 
 def _small(clip: Clip, info: VideoInfo, times: list[float], max_height: int) -> list[Panorama]:
     """Panoramas at these times, or at the clip's start where there are none, each shrunk before the next is read."""
-    read = read_at if info.codec == "images" else decode_at
-    start = clip.start_s or 0.0
+    read = read_at if info.codec == "images" else partial(decode_at, panoramic=clip.camera is None)
+    start, laid = clip.start_s or 0.0, _laid(clip, info)
     frames = [
-        panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+        _panorama(round((stamp - start) * clip.fps), stamp, picture, laid)
+        if laid
+        else panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
         for stamp, picture in read(info, times)
     ]
     return frames if frames or times == [start] else _small(clip, info, [start], max_height)

@@ -28,10 +28,11 @@ HIGHEST_DEG = 62.0
 MOST_POINTS, ENOUGH, APART_PX, QUALITY = 450, 0.7, 14, 0.005
 """Points that are followed, and the share of these that lets new ones wait."""
 MOST_RETURN_PX = 0.5
-SIGMA = 0.35 * 2 * np.pi / WIDTH
-"""Of a ray, radians."""
-NOISE = 0.2 * 2 * np.pi / WIDTH
-"""Of a ray beside the others of its point, radians: it would draw points nearer, and shorten step after step."""
+SIGMA_PX, NOISE_PX = 0.35, 0.2
+"""Of a ray, and of one beside the others of its point: these would draw it nearer, and shorten step after step."""
+FINEST, LEAST_SHOWN, BORDER_PX = 4, 0.5, 12
+"""A camera that does not see all around is followed in a panorama up to so many times finer, where all that it sees
+is less than this share of it; so near the border of what is seen no point is."""
 LEAST_POINTS, LEAST_SHARE = 12, 0.3
 """By which a frame is placed, and which share of the points that are known must agree."""
 SHOWS, MOST_PASSED = 0.05, 3
@@ -51,50 +52,107 @@ Pixels = NDArray[np.float32]
 @array_record
 class Followed:
     """The points that were followed to a frame, in rising order of their numbers (n,), new ones among them, and where
-    they are in the small panorama, pixels (n, 2) float32."""
+    they are in the small panorama, `width` pixels wide: pixels (n, 2) float32."""
 
     numbers: Ints
     pixels: Pixels
+    width: int = WIDTH
 
     @property
     def rays(self) -> Floats:
         """Unit rays (n, 3) in the rig frame."""
-        return rays_from_panorama_pixels(self.pixels.astype(np.float64), WIDTH // 2)
+        return rays_from_panorama_pixels(self.pixels.astype(np.float64), self.width // 2)
+
+    @property
+    def pixel(self) -> float:
+        """The angle of a pixel, radians."""
+        return 2 * np.pi / self.width
 
 
 def seen(panorama: Panorama) -> Grey:
     """The small grey panorama (WIDTH / 2, WIDTH) that points are followed in."""
-    whole = panorama.planes.luma if isinstance(panorama, FilmedPanorama) else panorama.image
-    step = max(1, whole.shape[1] // (FINE * WIDTH))
-    small = cv2.resize(whole[::step, ::step], (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
+    return _grey(_whole(panorama), WIDTH, WIDTH // 2)
+
+
+def _whole(panorama: Panorama) -> Grey:
+    return panorama.planes.luma if isinstance(panorama, FilmedPanorama) else panorama.image
+
+
+def _grey(picture: Grey, width: int, height: int) -> Grey:
+    """A picture in grey, of this size."""
+    step = max(1, picture.shape[1] // (FINE * width))
+    small = cv2.resize(picture[::step, ::step], (width, height), interpolation=cv2.INTER_AREA)
     return np.asarray(small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8)
+
+
+class _AllAround:
+    """The grey pictures that points are followed in, of panoramas: with some of the other end at each end."""
+
+    width, origin = WIDTH, np.array([PAD, 0], np.float32)
+    """Of the panorama, and where its first pixel is in these pictures."""
+
+    def __init__(self) -> None:
+        rows = np.abs(90 - (np.arange(WIDTH // 2) + 0.5) * 360 / WIDTH) < HIGHEST_DEG
+        self.looked_at: Grey = np.zeros((WIDTH // 2, WIDTH + 2 * PAD), np.uint8)
+        self.looked_at[rows, PAD:-PAD] = 255
+
+    def picture(self, panorama: Panorama) -> Grey:
+        """The picture of a panorama."""
+        return np.asarray(cv2.copyMakeBorder(seen(panorama), 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
+
+
+class _InPart:
+    """The same of a camera that does not see all around: what it sees, finer."""
+
+    def __init__(self, mask: Grey) -> None:
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+        finer = min(FINEST, np.sqrt(mask.size / ((bottom - top) * (right - left))))
+        self.width = min(mask.shape[1], 2 * round(finer * WIDTH / 2))
+        self._part, scale = (slice(top, bottom), slice(left, right)), self.width / mask.shape[1]
+        self._size = round((right - left) * scale), round((bottom - top) * scale)
+        self.origin = -(np.array([left, top]) * scale).astype(np.float32)
+        border = 2 * BORDER_PX + 1
+        shown = cv2.copyMakeBorder(_grey(mask[self._part], *self._size), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+        self.looked_at: Grey = np.asarray(
+            cv2.erode(np.where(shown == 255, 255, 0).astype(np.uint8), np.ones((border, border)))[1:-1, 1:-1], np.uint8
+        )
+
+    def picture(self, panorama: Panorama) -> Grey:
+        """The picture of a panorama."""
+        return _grey(_whole(panorama)[self._part], *self._size)
+
+
+def _pictures(panorama: Panorama) -> _AllAround | _InPart:
+    """What makes the pictures of a drive, by its first panorama."""
+    mask = panorama.seen
+    return _AllAround() if mask is None or np.count_nonzero(mask) > LEAST_SHOWN * mask.size else _InPart(mask)
 
 
 class Follower:
     """Follows points through the panoramas of a drive, in order."""
 
     def __init__(self) -> None:
+        self._pictures: _AllAround | _InPart | None = None
         self._last: Grey | None = None
         self._passed = 0
         self._numbers, self._pixels, self._next = np.zeros(0, np.int64), np.zeros((0, 2), np.float32), 0
-        rows = np.abs(90 - (np.arange(WIDTH // 2) + 0.5) * 360 / WIDTH) < HIGHEST_DEG
-        self._looked_at: Grey = np.zeros((WIDTH // 2, WIDTH + 2 * PAD), np.uint8)
-        self._looked_at[rows, PAD:-PAD] = 255
 
     def update(self, panorama: Panorama) -> Followed:
         """Follow the points to the next frame, and begin new ones where there are none. No points where the frame is
         passed over, for it is black, or broken: the next one goes on from the last before."""
-        wide = _wide(seen(panorama))
+        pictures = self._pictures = self._pictures or _pictures(panorama)
+        picture = pictures.picture(panorama)
         if self._last is not None and len(self._pixels):
             numbers, pixels = self._numbers, self._pixels
-            self._move(self._last, wide)
+            self._move(self._last, picture, pictures)
             if len(self._pixels) < SHOWS * len(pixels) and self._passed < MOST_PASSED:
                 self._passed, self._numbers, self._pixels = self._passed + 1, numbers, pixels
-                return Followed(numbers[:0], pixels[:0])
+                return Followed(numbers[:0], pixels[:0], pictures.width)
         self._passed = 0
-        self._begin(wide)
-        self._last = wide
-        return Followed(self._numbers, self._pixels)
+        self._begin(picture, pictures)
+        self._last = picture
+        return Followed(self._numbers, self._pixels, pictures.width)
 
     def forget(self, numbers: Ints) -> None:
         """Follow some of the points no more."""
@@ -103,27 +161,31 @@ class Follower:
 
     def go_on(self, panorama: Panorama, followed: Followed, next_number: int) -> None:
         """Go on from a frame to which these points were followed; new ones get numbers from the next one on."""
-        self._last, self._numbers, self._pixels = _wide(seen(panorama)), followed.numbers, followed.pixels
+        self._pictures = self._pictures or _pictures(panorama)
+        self._last, self._numbers, self._pixels = self._pictures.picture(panorama), followed.numbers, followed.pixels
         self._next = next_number
 
-    def _move(self, last: Grey, wide: Grey) -> None:
-        begin = (self._pixels + np.array([PAD, 0], np.float32))[:, None]
-        moved, ok = lucas_kanade(last, wide, begin)
-        back, ok_back = lucas_kanade(wide, last, moved)
+    def _move(self, last: Grey, picture: Grey, pictures: "_AllAround | _InPart") -> None:
+        begin = (self._pixels + pictures.origin)[:, None]
+        moved, ok = lucas_kanade(last, picture, begin)
+        back, ok_back = lucas_kanade(picture, last, moved)
         good = ok & ok_back & (np.linalg.norm(back - begin, axis=2)[:, 0] < MOST_RETURN_PX)
-        pixels = moved[good, 0]
-        pixels[:, 0] = (pixels[:, 0] - PAD) % WIDTH
+        if isinstance(pictures, _InPart):
+            x, y = moved[:, 0].round().astype(int).T.clip(0, np.array(picture.shape[::-1])[:, None] - 1)
+            good &= pictures.looked_at[y, x] > 0
+        pixels = moved[good, 0] - pictures.origin
+        pixels[:, 0] %= pictures.width
         self._numbers, self._pixels = self._numbers[good], pixels
 
-    def _begin(self, wide: Grey) -> None:
+    def _begin(self, picture: Grey, pictures: "_AllAround | _InPart") -> None:
         if len(self._pixels) > ENOUGH * MOST_POINTS:
             return
-        free = self._looked_at.copy()
-        for x, y in self._pixels.astype(int).tolist():
-            cv2.circle(free, (x + PAD, y), APART_PX, 0, -1)
-        corners = cv2.goodFeaturesToTrack(wide, MOST_POINTS - len(self._pixels), QUALITY, APART_PX, mask=free)
+        free = pictures.looked_at.copy()
+        for x, y in (self._pixels + pictures.origin).astype(int).tolist():
+            cv2.circle(free, (x, y), APART_PX, 0, -1)
+        corners = cv2.goodFeaturesToTrack(picture, MOST_POINTS - len(self._pixels), QUALITY, APART_PX, mask=free)
         if corners is not None:
-            pixels = corners[:, 0].astype(np.float32) - np.array([PAD, 0], np.float32)
+            pixels = corners[:, 0].astype(np.float32) - pictures.origin
             self._numbers = np.append(self._numbers, self._next + np.arange(len(pixels)))
             self._pixels = np.vstack([self._pixels, pixels])
             self._next += len(pixels)
@@ -135,10 +197,6 @@ def lucas_kanade(a: Grey, b: Grey, points: Pixels) -> tuple[Pixels, Bools]:
         a, b, points, None, winSize=(PATCH_PX, PATCH_PX), maxLevel=HALVINGS
     )
     return moved, status.ravel() == 1
-
-
-def _wide(grey: Grey) -> Grey:
-    return np.asarray(cv2.copyMakeBorder(grey, 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
 
 
 def flows(followed: Mapping[int, Followed], spec: ViewSpec) -> Iterator[Flow]:
@@ -199,9 +257,9 @@ class _Points:
             mine[old] = others[at[old]]
         return points
 
-    def add(self, chosen: Bools, rays: Floats, place: Floats) -> None:
-        """Add world rays (n, 3) from a place (3,) to the chosen points (n,)."""
-        across = np.eye(3) - (1 + 2 * NOISE**2) * rays[chosen, :, None] * rays[chosen, None, :]
+    def add(self, chosen: Bools, rays: Floats, place: Floats, noise: float) -> None:
+        """Add world rays (n, 3), this uncertain (radians), from a place (3,) to the chosen points (n,)."""
+        across = np.eye(3) - (1 + 2 * noise**2) * rays[chosen, :, None] * rays[chosen, None, :]
         self.across[chosen] += across
         self.at[chosen] += across @ place
         self.rays[chosen] += 1
@@ -279,7 +337,7 @@ class Odometry:
             if len(shared) >= 2 * LEAST_POINTS:
                 before, after = first.rays[a], followed.rays[b]
                 if _parallax(before, after) > FIRST_PARALLAX:
-                    pose, agrees = two_views(before, after, SIGMA, len(self._poses))
+                    pose, agrees = two_views(before, after, SIGMA_PX * followed.pixel, len(self._poses))
                     if agrees.sum() >= max(LEAST_POINTS, LEAST_SHARE * len(agrees)):
                         self._waiting.append(followed)
                         self._started(pose, shared[agrees])
@@ -298,7 +356,8 @@ class Odometry:
             here = np.isin(self._points.numbers, followed.numbers)
             rays = np.zeros((len(here), 3))
             rays[here] = followed.rays[np.isin(followed.numbers, self._points.numbers)] @ at[:3, :3].T
-            self._points.add(here & (np.isin(self._points.numbers, numbers) | (frame != first)), rays, at[:3, 3])
+            chosen = here & (np.isin(self._points.numbers, numbers) | (frame != first))
+            self._points.add(chosen, rays, at[:3, 3], NOISE_PX * followed.pixel)
         points = self._points
         for number, followed in enumerate(waiting[1:-1], first + 1):
             self._place(number, followed)
@@ -312,14 +371,15 @@ class Odometry:
         placed, places, rays = points.placed, points.places(), followed.rays
         if placed.sum() < LEAST_POINTS:
             return None
-        pose, covariance, off = resected(places[placed], rays[placed], self._predicted(frame), SIGMA)
-        fits = off < AGREES * SIGMA
+        sigma = SIGMA_PX * followed.pixel
+        pose, covariance, off = resected(places[placed], rays[placed], self._predicted(frame), sigma)
+        fits = off < AGREES * sigma
         if fits.sum() < max(LEAST_POINTS, LEAST_SHARE * placed.sum()):
             return None
         self._keep(frame, pose, np.diag(covariance))
         good = np.ones(len(rays), np.bool_)
         good[placed] = fits
-        points.add(good, rays @ pose[:3, :3].T, pose[:3, 3])
+        points.add(good, rays @ pose[:3, :3].T, pose[:3, 3], NOISE_PX * followed.pixel)
         self._points = points.only(points.numbers[good])
         return points.numbers[~good]
 

@@ -12,13 +12,15 @@ from typing import Literal
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
+from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.geometry.vanishing import RIG_FORWARD, RIG_UP, facing, manhattan_from_segments
 from savmap.types import Floats, Panorama, View, ViewSpec, array_record
 from savmap.vision.odometry import lucas_kanade
-from savmap.vision.views import Renderer
+from savmap.vision.views import Renderer, panorama_pixels
 
 CORNERS = 300
 LEAST_TRACKS = 20
@@ -30,7 +32,8 @@ SEARCH_VIEWS = [
     *(ViewSpec(f"level {yaw}", yaw, 0, 0, 100, 512, 512) for yaw in (0, 90, 180, 270)),
     *(ViewSpec(f"pole {pitch}", 45, pitch, 0, 100, 512, 512) for pitch in (90, -90)),
 ]
-SHORTEST_PX = 25.0
+SHORTEST_PX, AROUND_PX = 25.0, 11
+"""Of segments, the latter around their middles where the camera must see."""
 LEAST_SUPPORT, CLEAR_SUPPORT, CLEARER = 0.25, 0.5, 1.4
 """Of the building's axes: least support; where all frames together have less than the second, each is asked alone, and
 counts where it shows axes so many times as clearly."""
@@ -56,6 +59,8 @@ SETTLED_DEG = 1.0
 MOST_ROUNDS = 12
 KEPT_VIEWS = 20
 HFOV_STEP_DEG = 5.0
+WIDEST_OWN_DEG, SPARE_DEG, OWN_WIDTH = 125.0, 1.0, 640
+"""Of a camera whose whole picture is one view: its widest, what is left at the borders, and the view's pixels."""
 
 
 def travel_directions(
@@ -210,6 +215,35 @@ def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
     return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
 
 
+def own_view(panorama: Panorama, name: str = "face") -> Manual | None:
+    """The view that shows all that an ordinary lens sees, turned as the camera is; None of one that sees so much that
+    views are chosen in it."""
+    mask = panorama.seen
+    if mask is None:
+        return None
+    level, upright = mask[panorama.height // 2], mask[:, panorama.height]
+    across, down = (np.count_nonzero(line) * np.pi / panorama.height for line in (level, upright))
+    if not (level[panorama.height] and across < np.radians(WIDEST_OWN_DEG)):
+        return None
+    hfov = float(np.degrees(across)) - SPARE_DEG
+    wide = float(np.tan(np.radians(hfov) / 2) / np.tan((down - np.radians(SPARE_DEG)) / 2))
+    height = 8 * round(OWN_WIDTH / wide / 8)
+    return Manual(0.0, 0.0, 0.0, round(hfov, 3), OWN_WIDTH, height)
+
+
+def _seen_in_part(pass_preview: PassPreview, specs: Sequence[ViewSpec]) -> list[tuple[ViewSpec, int]]:
+    """The views in whose middle a camera sees that does not see all around, and which way it goes along each, by how
+    the picture shifts."""
+    seen, panorama = list[tuple[ViewSpec, int]](), pass_preview.keys[0]
+    for spec in specs:
+        x, y = panorama_pixels_from_rays(spec.rig_from_view[:, 2], panorama.height).astype(int)
+        if panorama.seen is None or panorama.seen[y.clip(0, panorama.height - 1), x % (2 * panorama.height)]:
+            shifts = [_shift(pair, spec, pass_preview.renderer) for pair in pass_preview.pairs]
+            shift = float(np.nansum(shifts))
+            seen.append((spec, -int(np.sign(shift)) if abs(shift) > LEAST_MOTION_PX else 0))
+    return seen
+
+
 def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = None) -> Face:
     """The level direction that faces the structure best.
 
@@ -219,12 +253,16 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
     scores.
     """
     specs = face_candidates(pass_preview.rig_from_manhattan)
-    travels = [way for spec in specs[::4] for way in travel_directions(pass_preview.pairs, spec, pass_preview.renderer)]
-    ways = list(zip(specs, travels, strict=True))
+    if pass_preview.keys[0].seen is not None:
+        ways = _seen_in_part(pass_preview, specs)
+    else:
+        pairs, renderer = pass_preview.pairs, pass_preview.renderer
+        travels = [way for spec in specs[::4] for way in travel_directions(pairs, spec, renderer)]
+        ways = list(zip(specs, travels, strict=True))
     across = [(spec, travel) for spec, travel in ways if travel and side in (None, HANDS[travel])]
     faces = [_scored(pass_preview, score, *way) for way in across or ways]
-    best = max(faces, key=lambda face: face.score)
-    if best.score <= 0:
+    best = max(faces, key=lambda face: face.score, default=None)
+    if best is None or best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"
         raise StructureError(
             f"no structure is seen {where}; check the side, or give the view's angles in the site file"
@@ -304,15 +342,29 @@ def _mean(rotations: Sequence[Floats]) -> Floats:
 
 def segments(panorama: Panorama, renderer: Renderer) -> tuple[Floats, Floats]:
     """Unit rays (n, 3) of the ends of the straight segments seen in views that cover the sphere, rig frame."""
-    ends = [_segments_in(renderer.render(panorama, spec)) for spec in SEARCH_VIEWS]
+    ends = [_segments_in(renderer.render(panorama, spec), shown_in(panorama, spec)) for spec in SEARCH_VIEWS]
     return np.concatenate([pair[0] for pair in ends]), np.concatenate([pair[1] for pair in ends])
 
 
-def _segments_in(view: View) -> tuple[Floats, Floats]:
+def shown_in(panorama: Panorama, spec: ViewSpec) -> NDArray[np.bool_] | None:
+    """Which pixels (h, w) of a view the camera sees, and all around them; None of a camera that sees all around."""
+    if panorama.seen is None:
+        return None
+    at = panorama_pixels(spec, panorama.height)
+    shown = cv2.remap(panorama.seen, at[..., 0], at[..., 1], cv2.INTER_NEAREST)
+    return np.asarray(cv2.erode(shown, np.ones((AROUND_PX, AROUND_PX))) > 0)
+
+
+def _segments_in(view: View, shown: NDArray[np.bool_] | None) -> tuple[Floats, Floats]:
     grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+    if shown is not None and not shown.any():
+        return np.zeros((0, 3)), np.zeros((0, 3))
     lines = cv2.createLineSegmentDetector().detect(grey)[0]
     ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
     ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
+    if shown is not None:
+        x, y = ends.mean(axis=1).round().astype(int).T
+        ends = ends[shown[y.clip(0, view.spec.height - 1), x.clip(0, view.spec.width - 1)]]
     return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
 
 

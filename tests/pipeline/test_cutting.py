@@ -31,7 +31,7 @@ def plan_of(every: int = 1, found: bool = True) -> PassPlan:
 @pytest.fixture(autouse=True)
 def no_footage(monkeypatch: pytest.MonkeyPatch) -> None:
     info = VideoInfo(Path("drive.mp4"), 2 * HEIGHT, HEIGHT, "h264", "yuv420p", 30.0, 10.0)
-    monkeypatch.setattr(cutting, "probe", lambda path, fps: info)
+    monkeypatch.setattr(cutting, "probe_clip", lambda clip: info)
 
 
 def panorama(frame: int) -> Panorama:

@@ -15,7 +15,7 @@ def site(one: dict[str, Any], row: dict[str, Any] | None = None, **of_site: Any)
 
 def test_the_nearest_word_counts() -> None:
     whole = {"video": "site.mp4", "fps": 5}
-    assert site({}, **whole).rows["A"].passes[0].footage == (Path("site.mp4"), 0.0, None, 5.0)
+    assert site({}, **whole).rows["A"].passes[0].footage == (Path("site.mp4"), 0.0, None, 5.0, None)
     assert site({}, {"fps": 7}, **whole).rows["A"].passes[0].fps == 7
     own = site({"fps": 9, "video": "own.mp4"}, {"fps": 7}, **whole).rows["A"].passes[0]
     assert (own.fps, own.video) == (9, Path("own.mp4"))

@@ -53,7 +53,7 @@ def test_any_name_is_that_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.chdir(tmp_path)
     path = Path(name)
     info = probe(path)
-    check_camera(info)
+    check_camera(Clip(path), info)
     assert len(list(panoramas(Clip(path)))) == 12
     assert len(preview_frames(Clip(path), keys=3, pairs=1)[0]) == 3
     assert len(pictures_at(info, coarse_stamps(info, 0.2), 32)) >= 4

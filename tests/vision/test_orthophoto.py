@@ -53,7 +53,7 @@ def panorama(frame: int, exposure: float = 1.0, marks: Floats = MARKS, depth: fl
 @pytest.fixture(autouse=True)
 def no_footage(monkeypatch: pytest.MonkeyPatch) -> None:
     info = VideoInfo(Path("drive.mp4"), 2 * HEIGHT, HEIGHT, "h264", "yuv420p", 15.0, COUNT / 15)
-    monkeypatch.setattr(cutting, "probe", lambda path, fps: info)
+    monkeypatch.setattr(cutting, "probe_clip", lambda clip: info)
 
 
 def cut(**shown: Any) -> RowStrips:

@@ -28,6 +28,8 @@ ROUNDS, SURE = 3, 5.0
 """Of reading all sections, each with what the others gave; a member that scores more tells the usual profile."""
 LEAST_SHOWN = 0.01
 """Cells that were seen less than this share of the usual are taken for unseen."""
+POST_SEEN = 0.5
+"""Of a post's height, in the least of its columns: where less was seen, none is."""
 REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
 """Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
@@ -88,8 +90,12 @@ class FaceReader:
 
     def ratios(self, evidence: PlaneEvidence, label: str) -> Floats:
         """Log-likelihood ratios (rows, columns) of the cells, the lowest row first."""
-        shown: Bools = evidence.weight > LEAST_SHOWN * np.median(evidence.weight[evidence.weight > 0])
+        shown = self.shown(evidence)
         return np.asarray(self.parameters.ratios(label, evidence.of(label), shown)[::-1], np.float64)
+
+    def shown(self, evidence: PlaneEvidence) -> Bools:
+        """Which cells (rows, columns) are seen well enough to tell anything, the highest row first."""
+        return np.asarray(evidence.weight > LEAST_SHOWN * np.median(evidence.weight[evidence.weight > 0]))
 
     def read(self) -> Face | None:
         """The face; None where fewer than two posts show."""
@@ -148,6 +154,9 @@ class FaceReader:
         """Posts between two rows, where so wide ones are usual; the rows between which they show, and their usual
         width."""
         scores = self.post_scores(self.pooled(ratios[slice(*rows)].T), usual)
+        unseen = np.cumsum(np.append(0, self.shown(self.uprights)[::-1][slice(*rows)].mean(axis=0) < POST_SEEN))
+        for column, width in enumerate(self.post_widths.tolist()):
+            scores[: len(unseen) - width, column][unseen[width:] > unseen[:-width]] = -np.inf
         (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))
         if not len(posts.cells):
             return posts, rows, usual

@@ -15,12 +15,24 @@ from savmap.files.urls import where
 
 def map_(
     source: Annotated[
-        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a panoramic video for a first map.")
+        Path, typer.Argument(metavar="SOURCE", parser=where, help="A site file, or a video for a first map.")
     ] = Path("site.yaml"),
     plugins: Plugins = None,
     output: Output = Path("out"),
     camera_height: Annotated[float | None, typer.Option(help="Camera height above the floor, m (for a video).")] = None,
     side: Annotated[str | None, typer.Option(help="left or right: the hand the face is on (for a video).")] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL", help="panorama, pinhole, fisheye or fisheye-pair: what took the pictures (for a video)."
+        ),
+    ] = None,
+    hfov: Annotated[
+        float | None, typer.Option(help="Degrees between the left and the right border of its pictures.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Its calibration by OpenCV, ROS or Kalibr, in place of --hfov.")
+    ] = None,
     trajectory: Annotated[Path | None, typer.Option(help="A map, or its folder, whose camera path is known.")] = None,
     against: Annotated[
         Path | None,
@@ -53,13 +65,16 @@ def map_(
     """Map a site (default: site.yaml of this folder) or one video. What an earlier run left in the folder, if it still
     holds, is not done again."""
     from savmap.cli.mapping import failures_told, map_and_print, preview_and_print
-    from savmap.site.job import job_for
+    from savmap.site.job import camera_content, job_for
     from savmap.site.overrides import overrides_of
 
     off = {"orthophotos=false": no_orthophotos, "panoramas=false": no_panoramas}
     overrides = overrides_of([*(sets or []), *(setting for setting, chosen in off.items() if chosen)], os.environ)
     with nullcontext() if preview else failures_told(source, output):
-        job = job_for(source, names_of(plugins), output, camera_height, side, trajectory, overrides, against, row)
+        seen_by = camera_content(camera, hfov, calibration)
+        job = job_for(
+            source, names_of(plugins), output, camera_height, side, trajectory, overrides, against, row, seen_by
+        )
         preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
 

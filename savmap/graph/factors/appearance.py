@@ -127,7 +127,7 @@ def motion(flow: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[
     with m <= 6k + 1, by turns and steps in each rig's own axes, as GTSAM moves poses."""
     projected = seen_from(flow, poses, points)
     count, frames = len(projected.errors), len(flow.frames)
-    blocks = np.concatenate([projected.slopes @ _skew(projected.offsets), -projected.slopes], axis=-1)
+    blocks = np.concatenate([projected.slopes @ skew(projected.offsets), -projected.slopes], axis=-1)
     slopes = np.zeros((count, frames, 2, frames, 6))
     slopes[:, np.arange(frames), :, np.arange(frames)] = np.swapaxes(blocks, 0, 1)
     across = np.linalg.qr(_by_point(projected, poses), mode="complete").Q[:, :, 3:]
@@ -138,7 +138,7 @@ def motion(flow: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[
     return small[:, :-1], small[:, -1]
 
 
-def _skew(vectors: Floats) -> Floats:
+def skew(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
     made = np.zeros((*vectors.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):

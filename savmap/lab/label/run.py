@@ -22,7 +22,7 @@ from savmap.site.overrides import Override
 from savmap.types import View, ViewSpec
 from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.clip import time_range
-from savmap.video.reader import expected_frames, panoramas, probe
+from savmap.video.reader import expected_frames, panoramas, probe_clip
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.views import Renderer
 
@@ -119,7 +119,7 @@ def require_footage(job: Job) -> None:
     for name, row in job.site.rows.items():
         plugins_for(job, name)
         for clip in (row_pass.clip for row_pass in row.passes):
-            time_range(clip, probe(clip.path, clip.images_fps).duration_s)
+            time_range(clip, probe_clip(clip).duration_s)
 
 
 def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> list[Recording]:
@@ -134,7 +134,7 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
             monitor.note(f"row {row}, {name}: aiming the views")
             aimed, _ = plan_pass(name, row_pass, opened, segmenters, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
-            frames = expected_frames(aimed.clip, probe(aimed.clip.path))
+            frames = expected_frames(aimed.clip, probe_clip(aimed.clip))
             recordings.append(Recording(row, loaded, aimed, specs, frames))
     total = sum(recording.frames * len(recording.specs) for recording in recordings)
     if total == 0:

@@ -2,36 +2,42 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from savmap.errors import SavmapError, SolveError, StructureError, VideoError
 from savmap.types import Floats, MapWarning, Panorama
 from savmap.video.camera_kind import kind_of
+from savmap.video.clip import Clip
 from savmap.video.course import Course, contradiction, warnings
 from savmap.video.motion import Steps
 
 
-def require_panoramas(path: Path, keys: Sequence[Panorama]) -> tuple[MapWarning, ...]:
-    """What speaks against a pass's pictures. Raises VideoError where they are certainly no panoramas."""
+def require_panoramas(clip: Clip, keys: Sequence[Panorama]) -> tuple[MapWarning, ...]:
+    """What speaks against a pass's pictures where its camera is one of whole panoramas. Raises VideoError where they
+    are certainly none."""
+    if clip.camera is not None:
+        return ()
     other, warnings_found = kind_of(keys)
     if other:
-        raise VideoError(f"{path}: {other}")
-    return tuple(replace(warning, subjects=(path.name,)) for warning in warnings_found)
+        raise VideoError(f"{clip.path}: {other}")
+    return tuple(replace(warning, subjects=(clip.path.name,)) for warning in warnings_found)
 
 
 def require_course(
-    name: str, path: Path, steps: Steps, attitude: Floats | None, side: str | None
+    name: str, clip: Clip, steps: Steps, attitude: Floats | None, side: str | None
 ) -> tuple[MapWarning, ...]:
-    """What speaks against a pass by how the camera went. Raises StructureError where that contradicts what was asked.
+    """What speaks against a pass by how a camera of whole panoramas went. Raises StructureError where that contradicts
+    what was asked.
 
     `attitude`: world_from_rig (3, 3) at the start, where it is known; `side`: the hand that the face is on, where
     that is given."""
+    if clip.camera is not None:
+        return ()
     course = Course(steps, None if attitude is None else _bearing_deg(attitude[0]))
     against = contradiction(course, side)
     if against:
-        raise StructureError(f"{path}: {name}: {against}")
+        raise StructureError(f"{clip.path}: {name}: {against}")
     return tuple(replace(warning, figure=f"{name}, {warning.figure}") for warning in warnings(course))
 
 
