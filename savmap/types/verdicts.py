@@ -88,8 +88,9 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
         of="reasons",
     ),
     "bad-panorama": WarningKind(
-        "the pictures may be no whole panoramas",
-        "write whole equirectangular panoramas of one aisle, neither cropped nor stretched",
+        "the pictures may be no whole panoramas, or of another camera than was said",
+        "write whole equirectangular panoramas of one aisle, neither cropped nor stretched; or give the camera's "
+        "calibration",
         "halves of the pictures are alike, their edges do not meet, a whole class of measurements does not fit "
         "together, or measurements are off in the same directions of the camera in all frames",
         of="reasons",

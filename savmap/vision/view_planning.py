@@ -260,7 +260,8 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
         travels = [way for spec in specs[::4] for way in travel_directions(pairs, spec, renderer)]
         ways = list(zip(specs, travels, strict=True))
     across = [(spec, travel) for spec, travel in ways if travel and side in (None, HANDS[travel])]
-    faces = [_scored(pass_preview, score, *way) for way in across or ways]
+    unknown = [way for way in ways if side is None or not way[1]]
+    faces = [_scored(pass_preview, score, *way) for way in across or unknown]
     best = max(faces, key=lambda face: face.score, default=None)
     if best is None or best.score <= 0:
         where = f"on the {side} of the way" if side else "in any direction"

@@ -26,10 +26,11 @@ from savmap.live import session
 from savmap.live.session import LiveMapping
 from savmap.live.sources import live_job
 from savmap.maps.map_file import read_map
+from savmap.site.sections import CameraSection
 from savmap.types import Floats
 from savmap.video.reader import panoramas
 
-from ..video.made_up_video import DEMO, demos_beginning
+from ..video.made_up_video import DEMO, demos_beginning, refilmed
 
 COMMANDS = ("map", "live", "check", "inspect", "compare")
 SECONDS = 8.0
@@ -41,6 +42,14 @@ rows:
   "1": {fps: 1, passes: [{video: aisle.mp4, side: left}]}
 """
 LIMITS = "plugins: {shelves: {load_units: [{name: EUR pallet, width_m: 0.8, height_m: 1.6, across: 3, levels: [1]}]}}"
+FOCAL_PX = 600 / float(np.radians(190))
+LENS = f"""
+  distortion_model: equidistant
+  intrinsics: [{FOCAL_PX!r}, {FOCAL_PX!r}, 299.5, 299.5]
+  distortion_coeffs: []
+  resolution: [600, 600]
+"""
+LENSES = f"cam0:{LENS}cam1:{LENS}  T_cn_cnm1: [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]\n"
 KEEPS_EACH_FRAME = """
 from savmap.files import journal
 
@@ -209,6 +218,17 @@ def in_rows(run: Run, runs: Runs) -> None:
     assert "rows that were filmed: " in run.said
 
 
+def much_the_same_map(run: Run, runs: Runs) -> None:
+    """To 3 cm: two lenses see what the panorama was made of."""
+    whole = runs["map"].places
+    assert set(whole) == set(run.places)
+    assert max(float(np.abs(run.places[name] - whole[name]).max()) for name in whole) < 0.03
+
+
+def of_a_pair(run: Run, runs: Runs) -> None:
+    assert run.map == runs["map --camera"].map
+
+
 def as_the_folder(run: Run, runs: Runs) -> None:
     assert run.map == runs["map, a folder"].map
 
@@ -270,10 +290,13 @@ class Case:
 
 GIVEN = "--plugins shelves --side left --camera-height 3.055 --set fps=1"
 """What the site file says, as options."""
+PAIR = "--camera fisheye-pair"
 OF_A_FOLDER = "--plugins shelves --side left --camera-height 3.055 --jobs 0"
 CASES = {
     "map": Case("map {site} --jobs 0 -o {out}", kept_in_parts),
     "map, by options": Case(f"map {{clip}} {GIVEN} --jobs 0 -o {{out}}", same_map),
+    "map --camera": Case(f"map {{pair}} {GIVEN} {PAIR} --hfov 190 --jobs 0 -o {{out}}", much_the_same_map),
+    "map --calibration": Case(f"map {{pair}} {GIVEN} {PAIR} --calibration {{lenses}} --jobs 0 -o {{out}}", of_a_pair),
     "map --fresh": Case("map {site} --fresh --jobs 0 -o {out}", mapped_again, plain_folder),
     "map --jobs": Case("map {site} --jobs 2 --no-orthophotos --no-panoramas -o {out}", without_pictures, apart=True),
     "map --cluster": Case("map {site} --cluster {cluster} -o {out}", same_map),
@@ -315,12 +338,15 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
     (folder / "site.yaml").write_text(SITE, encoding="utf-8")
     (folder / "limits.yaml").write_text(LIMITS, encoding="utf-8")
     (folder / "pictures").mkdir()
+    (folder / "lenses.yaml").write_text(LENSES, encoding="utf-8")
+    refilmed(clip, folder / "pair.mp4", CameraSection(model="fisheye-pair", hfov_deg=190).camera(1200, 600))
     with av.open(str(clip)) as container:
         for number, frame in enumerate(container.decode(video=0)):
             if number % 6 == 0:
                 cv2.imwrite(str(folder / "pictures" / f"{number:03}.jpg"), frame.to_ndarray(format="bgr24"))
     names = {name: folder / name for name in ("site.yaml", "limits.yaml", "pictures", "aisle.mp4")}
     names |= {"site": names["site.yaml"], "limits": names["limits.yaml"], "clip": clip}
+    names |= {"pair": folder / "pair.mp4", "lenses": folder / "lenses.yaml"}
     with distributed.LocalCluster(
         1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:

@@ -5,7 +5,10 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
+
+from savmap.geometry.cameras import Camera, Equirectangular
 
 DEMO = Path(__file__).parents[2] / "savmap" / "demo" / "aisle-dev.mp4"
 H264 = {"g": "10"}
@@ -50,6 +53,29 @@ def demos_beginning(path: Path, seconds: float) -> Path:
             if packet.dts is not None and packet.dts * packet.time_base < seconds:
                 packet.stream = written
                 part.mux(packet)
+    return path
+
+
+def seen_by(camera: Camera, panorama: np.ndarray) -> np.ndarray:
+    """What a camera in the middle of a panorama (H, 2H, 3) sees of it, black where it sees nothing."""
+    y, x = np.mgrid[0 : camera.height, 0 : camera.width]
+    rays = camera.rays(np.stack([x, y], axis=-1).astype(float))
+    seen = np.isfinite(rays[..., 0])
+    at = Equirectangular(len(panorama)).pixels(np.nan_to_num(rays, nan=1.0)).astype(np.float32)
+    picture = cv2.remap(panorama, at[..., 0], at[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(picture * seen[..., None], np.uint8)
+
+
+def refilmed(clip: Path, path: Path, camera: Camera) -> Path:
+    """A clip of panoramas as another camera would have filmed it."""
+    with av.open(str(clip)) as whole, av.open(str(path), "w") as container:
+        filmed = whole.streams.video[0]
+        stream = container.add_stream("libx264", rate=filmed.average_rate, options={"crf": "14", "preset": "fast"})
+        stream.width, stream.height, stream.pix_fmt = camera.width, camera.height, "yuv420p"
+        for frame in whole.decode(filmed):
+            shown = seen_by(camera, frame.to_ndarray(format="rgb24"))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format="rgb24")))
+        container.mux(stream.encode())
     return path
 
 

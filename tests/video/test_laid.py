@@ -4,10 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from savmap.geometry.cameras import Camera, Equirectangular, Fisheye, FisheyePair, Pinhole
+from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
 from savmap.types import Planes
 from savmap.video.decode import rgb_from_yuv
 from savmap.video.laid import MOST_HEIGHT, Laid
+
+from .made_up_video import seen_by
 
 LENS = Fisheye.of_hfov(512, 512, 190.0)
 CAMERAS: dict[str, Camera] = {
@@ -26,22 +28,11 @@ def scene() -> np.ndarray:
     return (128 + 100 * level * np.stack(waves, axis=-1)).astype(np.uint8)
 
 
-def filmed(camera: Camera, panorama: np.ndarray) -> np.ndarray:
-    """What a camera sees of a panorama."""
-    y, x = np.mgrid[0 : camera.height, 0 : camera.width]
-    rays = camera.rays(np.stack([x, y], axis=-1).astype(float))
-    seen = np.isfinite(rays[..., 0])
-    at = Equirectangular(len(panorama)).pixels(np.nan_to_num(rays, nan=1.0)).astype(np.float32)
-    picture = cv2.remap(panorama, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    picture[~seen] = 0
-    return picture
-
-
 @pytest.mark.parametrize("name", CAMERAS)
 def test_a_picture_is_laid_where_it_was_seen(name: str) -> None:
     camera, panorama = CAMERAS[name], scene()
     laid = Laid(camera)
-    whole = laid.panorama(filmed(camera, panorama))
+    whole = laid.panorama(seen_by(camera, panorama))
     assert isinstance(whole, np.ndarray)
     assert whole.shape == (laid.height, 2 * laid.height, 3)
     true = cv2.resize(panorama, whole.shape[1::-1], interpolation=cv2.INTER_LINEAR)

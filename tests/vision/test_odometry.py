@@ -289,6 +289,24 @@ def test_follower_forgets_points() -> None:
     assert np.isin(numbers[1::2], after).mean() > 0.9
 
 
+def test_follower_looks_closer_where_little_is_seen() -> None:
+    """In what a narrow camera sees, and not at its border; rays are those of the whole panorama."""
+    mask = np.zeros((WIDTH, 2 * WIDTH), np.uint8)
+    mask[400:624, 824:1224] = 255
+    large = [cv2.resize(panorama.image, (2 * WIDTH, WIDTH), interpolation=cv2.INTER_CUBIC) for panorama in turning(5)]
+    follower = Follower()
+    frames = [follower.update(Panorama(number, number / 15, image, mask)) for number, image in enumerate(large)]
+    first, last = frames[0], frames[-1]
+    assert first.width == 2 * WIDTH
+    x, y = first.pixels.T
+    assert ((x > 824) & (x < 1223) & (y > 400) & (y < 623)).all()
+    _, a, b = np.intersect1d(first.numbers, last.numbers, return_indices=True)
+    assert len(a) > 50
+    turn = Rotation.from_euler("y", 4 * SPEED_PX * 360 / WIDTH, degrees=True)
+    off = np.linalg.norm(turn.apply(last.rays[b]) - first.rays[a], axis=1)
+    assert np.quantile(off, 0.95) < 0.3 * first.pixel
+
+
 def test_follower_goes_on_from_a_kept_frame_as_if_not_cut_off() -> None:
     panoramas, follower, frames = turning(8), Follower(), []
     for panorama in panoramas:

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
+from savmap.geometry.cameras import Camera, Equirectangular, Fisheye, Pinhole
 from savmap.jobs.preview import overview
 from savmap.types import Panorama, View, ViewSpec
 from savmap.vision.view_planning import (
@@ -23,6 +24,7 @@ from savmap.vision.view_planning import (
     fit_count,
     fit_height,
     floor_view,
+    own_view,
     travel_directions,
 )
 
@@ -212,6 +214,39 @@ def test_floor_view_looks_straight_down_with_the_face_above(turn: tuple[float, f
     np.testing.assert_allclose(down, np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), atol=1e-9)
     np.testing.assert_allclose(up @ np.diag([1.0, -1.0, -1.0]), down, atol=1e-9)
     assert (floor_view(face).name, floor_view(face, 90.0, "ground").hfov_deg) == ("floor", 90.0)
+
+
+def as_seen_by(camera: Camera, panorama: Panorama) -> Panorama:
+    """What a camera sees of a panorama, which is black elsewhere."""
+    y, x = np.mgrid[0 : panorama.height, 0 : 2 * panorama.height]
+    rays = Equirectangular(panorama.height).rays(np.stack([x, y], axis=-1).astype(float))
+    seen = np.isfinite(camera.pixels(rays)[..., 0])
+    return replace(panorama, image=panorama.image * seen[..., None], seen=(255 * seen).astype(np.uint8))
+
+
+def test_an_ordinary_lens_is_looked_through_as_it_is() -> None:
+    whole = Panorama(0, 0.0, np.zeros((1024, 2048, 3), np.uint8))
+    narrow = own_view(as_seen_by(Pinhole.of_hfov(1138, 640, 75.0), whole))
+    assert narrow is not None
+    assert (narrow.yaw_deg, narrow.pitch_deg, narrow.roll_deg) == (0.0, 0.0, 0.0)
+    assert narrow.hfov_deg == pytest.approx(74.0, abs=0.3)
+    assert (narrow.width, narrow.height) == (640, 360)
+    assert own_view(whole) is None
+    assert own_view(as_seen_by(Fisheye.of_hfov(512, 512, 180.0), whole)) is None
+
+
+def test_a_face_is_found_in_what_a_narrow_camera_sees() -> None:
+    """The border of what it sees is no edge of the building's, and which way it goes shows there alone. Its few edges
+    tell the direction roughly; those of the structure will tell it."""
+    whole, camera = pass_preview(8.0, 5.0, 3.0), Pinhole.of_hfov(640, 480, 90.0)
+    keys = [as_seen_by(camera, panorama) for panorama in whole.keys]
+    pairs = [(as_seen_by(camera, a), as_seen_by(camera, b)) for a, b in whole.pairs]
+    preview = PassPreview.of_frames(keys, pairs)
+    face, true = (choose_face(one, redness) for one in (preview, whole))
+    assert degrees_between(face.spec.rig_from_view, true.spec.rig_from_view) < 15.0
+    assert face.travel == true.travel == 1
+    with pytest.raises(StructureError, match="on the right"):
+        choose_face(preview, redness, "right")
 
 
 def test_overview_has_a_tile_a_view_and_frame() -> None:
