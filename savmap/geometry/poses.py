@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from savmap.geometry.arrays import Floats, Ints
 
-ROUNDS, CLOSE_RAD = 10, float(np.radians(0.2))
+ROUNDS, CLOSE_RAD, NEAR_RAD = 10, float(np.radians(0.2)), float(np.radians(3.0))
 
 
 def poses_at(wanted: Floats | Ints, given: Floats | Ints, poses: Floats) -> Floats:
@@ -44,3 +44,9 @@ def middle_rotation(rotations: Floats) -> Floats:
         off = np.atleast_1d((turns * middle.inv()).magnitude())
         middle = turns.mean(1 / (off + CLOSE_RAD))
     return np.asarray(middle.as_matrix())
+
+
+def usual_rotation(rotations: Floats) -> Floats:
+    """The rotation (3, 3) amid those of rotations (n, 3, 3) that most others are near, however many are far off."""
+    near = np.abs(np.einsum("nij,mij->nm", rotations, rotations) - 3.0) < 2 * (1 - np.cos(NEAR_RAD))
+    return middle_rotation(rotations[near[near.sum(axis=1).argmax()]])

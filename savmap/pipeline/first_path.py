@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap.errors import StructureError
 from savmap.geometry.poses import middle_rotation
-from savmap.pipeline.path import attitudes_of
+from savmap.pipeline.path import attitudes_along
 from savmap.pipeline.records import WalkedRow
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Floats, Ints, Trajectory
@@ -41,7 +41,7 @@ def paths_before_face(row: WalkedRow, plugin: LoadedPlugin) -> list[Trajectory]:
     places on the face each in a frame of its own. Raises StructureError where a pass has no path, or hardly moves, or
     the attitudes are not known."""
     name, frames, walked = row.request.name, row.measurements.facts.frames, row.measurements.walked
-    attitudes = attitudes_of(row.measurements)
+    attitudes = attitudes_along(row.request, row.measurements)
     paths = list[Trajectory]()
     for row_pass in dict.fromkeys(frames.passes):
         here = np.isin(walked.frames, frames.of_pass(row_pass)) if walked is not None else np.zeros(0, np.bool_)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from savmap import graph
 from savmap.errors import StructureError
-from savmap.geometry.poses import middle_rotation
+from savmap.geometry.poses import middle_rotation, usual_rotation
 from savmap.graph import CameraPriors, Constraints, References, camera_priors, published_start
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
@@ -40,7 +40,7 @@ def initial_path(row: RowRequest, measurements: RowMeasurements) -> Trajectory:
     stamps = measurements.facts.frames.stamps_s
     length_m = row.travel_m or SPEED_MPS * float(np.ptp(stamps))
     height_m = row.references.camera_heights[0].value_m if row.references.camera_heights else HEIGHT_M
-    start = published_start(measurements.facts, attitudes_of(measurements), length_m, height_m, DISTANCE_M)
+    start = published_start(measurements.facts, attitudes_along(row, measurements), length_m, height_m, DISTANCE_M)
     return start if measurements.walked is None else _as_walked(start, measurements.walked, measurements.facts.frames)
 
 
@@ -72,6 +72,20 @@ def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
             "map the same passes at the same rate, all frames of which were located"
         )
     return path
+
+
+def attitudes_along(row: RowRequest, measurements: RowMeasurements) -> Floats:
+    """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures; those of a camera that
+    sees in part, of which many frames show few edges, turn as the drive's path does."""
+    seen, walked = attitudes_of(measurements), measurements.walked
+    if walked is None or not row.sees_in_part:
+        return seen
+    for name in dict.fromkeys(measurements.facts.frames.passes):
+        here = np.isin(walked.frames, measurements.facts.frames.of_pass(name))
+        numbers, turns = walked.frames[here], walked.world_from_rig[here, :3, :3]
+        if len(numbers):
+            seen[numbers] = usual_rotation(seen[numbers] @ turns.transpose(0, 2, 1)) @ turns
+    return seen
 
 
 def attitudes_of(measurements: RowMeasurements) -> Floats:

@@ -13,7 +13,7 @@ from savmap.graph.measurements import image_measurements
 from savmap.types import Floats, Ints, Trajectory
 
 PLUGIN = "walk"
-TURN_SIGMA_DEG, PLACE_SIGMA = 0.1, 0.01
+TURN_SIGMA_DEG, PLACE_SIGMA = 0.1, 0.002
 """Of a turn, and of a place between two neighbours, as a share of how far these are apart."""
 FREE_M = 1e3
 LEAST_SHARE = 0.3
