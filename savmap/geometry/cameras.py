@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 
-import cv2
 import numpy as np
 
 from savmap.geometry.arrays import Bools, Floats, array_record
@@ -19,7 +18,7 @@ ROUNDS = 20
 BORDER = 64
 """Pixels along each border of a picture that tell how far off its axis the camera sees."""
 TERMS = 8
-"""Of distortion, as OpenCV takes them."""
+"""Of distortion."""
 BEYOND, TANGENTS = 1.001, 500
 """A ray so much further off the axis than any pixel of the border is not seen; off it how many are looked at."""
 
@@ -91,11 +90,6 @@ class Pinhole(Camera):
     def resolution(self) -> float:
         return max(self.focal_px)
 
-    @property
-    def _matrix(self) -> Floats:
-        (fx, fy), (cx, cy) = self.focal_px, self.centre_px
-        return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-
     @cached_property
     def _widest(self) -> float:
         """The greatest tangent of the angle between the axis and a ray that is seen: that of the picture's border, or
@@ -118,10 +112,14 @@ class Pinhole(Camera):
 
     def _projected(self, at: Floats) -> Floats:
         """Pixels (n, 2) of what is seen at x and y (n, 2) at depth 1."""
-        still, points = np.zeros(3), np.column_stack([at, np.ones(len(at))])
-        terms = np.array([*self.distortion, *(0.0,) * (TERMS - len(self.distortion))])
-        seen = cv2.projectPoints(points, still, still, self._matrix, terms)[0]
-        return np.asarray(seen[:, 0], np.float64)
+        k1, k2, p1, p2, k3, k4, k5, k6 = (*self.distortion, *(0.0,) * (TERMS - len(self.distortion)))
+        x, y = at.T
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * (k2 + square * k3))
+        radial = radial / (1 + square * (k4 + square * (k5 + square * k6)))
+        across = x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x)
+        down = y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y
+        return np.column_stack([across, down]) * self.focal_px + self.centre_px
 
     def pixels(self, rays: Floats) -> Floats:
         flat = np.reshape(rays, (-1, 3)).astype(np.float64)

@@ -1,5 +1,6 @@
 """Camera models: there and back, and what they do not see."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -27,6 +28,15 @@ def test_rays_and_pixels_lead_back_to_one_another(name: str) -> None:
     assert np.linalg.norm(back, axis=1) == pytest.approx(1.0)
     np.testing.assert_allclose(back, rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True), atol=1e-6)
     assert ((pixels[seen] >= -0.5) & (pixels[seen] < [camera.width - 0.5, camera.height - 0.5])).all()
+
+
+def test_distortion_is_that_of_opencv() -> None:
+    terms = (-0.25, 0.08, 0.001, -0.0005, 0.02, 0.01, -0.03, 0.005)
+    camera, rng = Pinhole(640, 480, (500.0, 510.0), (320.0, 235.0), terms), np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(-0.5, 0.5, (200, 2)), np.ones(200)])
+    still, matrix = np.zeros(3), np.array([[500.0, 0, 320], [0, 510, 235], [0, 0, 1]])
+    true = cv2.projectPoints(points, still, still, matrix, np.array(terms))[0][:, 0]
+    np.testing.assert_allclose(camera.pixels(points), true, atol=1e-9)
 
 
 def test_a_pinhole_camera_sees_as_far_as_it_is_wide() -> None:
