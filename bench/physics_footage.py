@@ -55,8 +55,8 @@ def usual_attitude(steps: Steps, side: str) -> Floats:
 def looked_at(clip: Path, attitude: Floats) -> tuple[str, Sequence[MapWarning]]:
     """What the footage alone says: an error in words, or warnings."""
     try:
-        warnings = require_panoramas(clip, preview_frames(Clip(clip))[0])
-        return "", (*warnings, *require_course("pass 1", clip, steps_of(clip), attitude, None))
+        warnings = require_panoramas(Clip(clip), preview_frames(Clip(clip))[0])
+        return "", (*warnings, *require_course("pass 1", Clip(clip), steps_of(clip), attitude, None))
     except SavmapError as error:
         return str(error), ()
 

@@ -164,7 +164,7 @@ def test_no_more_views_are_looked_at_than_six_for_each_that_is_wanted(
     monkeypatch.setattr("savmap.lab.label.run.plugins_for", lambda *_: [ROOM])
     monkeypatch.setattr("savmap.lab.label.run.SegmenterPool", lambda _: None)
     monkeypatch.setattr("savmap.lab.label.run.plan_pass", aimed)
-    monkeypatch.setattr("savmap.lab.label.run.probe", lambda *_: None)
+    monkeypatch.setattr("savmap.lab.label.run.probe_clip", lambda *_: None)
     passes = tuple(Pass(video=tmp_path, start_s=start, end_s=9.0) for start in (0.0, 5.0))
     job = Job(Site(rows={"A": Row(passes=passes)}), tmp_path, ["posts"], tmp_path)
     for frames, every in ((60, 1), (61, 2), (119, 2), (121, 3)):
