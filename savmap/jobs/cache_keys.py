@@ -120,7 +120,12 @@ def digest(**parts: Any) -> str:
 
 
 def _pass(row_pass: Pass) -> dict[str, Any]:
-    return {**row_pass.model_dump(mode="json", exclude={"video"}), "video": list(_footage(row_pass.video))}
+    calibration = None if row_pass.camera is None else row_pass.camera.calibration
+    return {
+        **row_pass.model_dump(mode="json", exclude={"video"}),
+        "video": list(_footage(row_pass.video)),
+        "calibration": _file(calibration),
+    }
 
 
 def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:

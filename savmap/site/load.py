@@ -221,7 +221,10 @@ def _resolve(site: Site, folder: Path) -> Site:
     """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
     def of_pass(row_pass: Pass) -> Pass:
-        return row_pass.model_copy(update={"video": in_folder(folder, row_pass.video)})
+        camera = row_pass.camera
+        if camera is not None and camera.calibration is not None:
+            camera = camera.model_copy(update={"calibration": in_folder(folder, camera.calibration)})
+        return row_pass.model_copy(update={"video": in_folder(folder, row_pass.video), "camera": camera})
 
     def of_row(row: Row) -> Row:
         passes = tuple(map(of_pass, row.passes))

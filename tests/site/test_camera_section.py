@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from savmap.errors import SiteError
 from savmap.geometry.cameras import Fisheye, FisheyePair, Pinhole
 from savmap.site.job import camera_content
+from savmap.site.load import load_site
 from savmap.site.model import Site
 from savmap.site.sections import CameraSection
 from savmap.video.clip import Clip
@@ -62,6 +63,14 @@ def test_a_calibration_of_another_model_is_refused(tmp_path: Path) -> None:
     assert isinstance(CameraSection(model="fisheye", calibration=path).camera(640, 480), Fisheye)
     with pytest.raises(SiteError, match="of another model than `pinhole`"):
         CameraSection(model="pinhole", calibration=path).camera(640, 480)
+
+
+def test_a_calibration_lies_beside_the_site_file(tmp_path: Path) -> None:
+    text = "rows: {A: {passes: [{video: a.mp4, camera: {model: fisheye, calibration: lens.yaml}}]}}"
+    (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
+    camera = load_site(tmp_path / "site.yaml").rows["A"].passes[0].camera
+    assert camera is not None
+    assert camera.calibration == tmp_path / "lens.yaml"
 
 
 def test_options_are_the_section() -> None:
