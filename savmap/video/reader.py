@@ -12,6 +12,7 @@ import numpy as np
 from savmap.errors import VideoError
 from savmap.files.urls import likely
 from savmap.types import Floats, Panorama, Planes, panorama_of
+from savmap.video.camera_kind import kind_of
 from savmap.video.clip import (
     Clip,
     DecodeReport,
@@ -76,10 +77,14 @@ def probe_clip(clip: Clip) -> VideoInfo:
 
 def check_camera(clip: Clip, info: VideoInfo) -> None:
     """Raise VideoError where a video file says of itself that it holds no upright panoramas, or, of another camera, no
-    upright pictures. Raises SiteError where pictures of this size cannot be the camera's."""
-    if info.codec != "images":
-        next(decode_at(info, [0.0], clip.camera is None), None)
-    _laid(clip, info)
+    upright pictures, or where that seems to be one of whole panoramas. Raises SiteError where pictures of this size
+    cannot be the camera's."""
+    read = read_at if info.codec == "images" else partial(decode_at, panoramic=clip.camera is None)
+    _, picture = next(read(info, [0.0]), (0.0, None)) if clip.camera or info.codec != "images" else (0.0, None)
+    if _laid(clip, info) is None or picture is None or info.width != 2 * info.height:
+        return
+    if kind_of([panorama_of(0, 0.0, picture)]) == ("", ()):
+        raise VideoError(f"{clip.path}: its pictures seem to be whole panoramas: leave `camera` out")
 
 
 def _laid(clip: Clip, info: VideoInfo) -> Laid | None:

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from savmap.errors import VideoError
-from savmap.video.reader import Clip, preview_frames, probe
+from savmap.pipeline.trust.footage import require_panoramas
+from savmap.site.sections import CameraSection
+from savmap.video.reader import Clip, check_camera, preview_frames, probe, probe_clip
 
-from .made_up_video import evenly, write_video
+from .made_up_video import demos_beginning, evenly, refilmed, write_video
 from .spherical_boxes import CUBE_MAP, EQUIRECTANGULAR, HALF, TO_SAMPLE, TO_TRACK, insert, sphere, stereo, v1
 
 STITCHED = {"Spherical": "true", "Stitched": "true", "StitchingSoftware": "a", "ProjectionType": "equirectangular"}
@@ -82,3 +84,24 @@ def test_the_stream_with_the_panoramas_is_read(tmp_path: Path, sizes: list[tuple
 def test_two_streams_of_one_size_are_refused(tmp_path: Path) -> None:
     with pytest.raises(VideoError, match=r"2 video streams .* stitch"):
         probe(streams(tmp_path / "a.mp4", (64, 64), (64, 64)))
+
+
+def test_whole_panoramas_are_no_other_cameras_pictures(tmp_path: Path) -> None:
+    panoramic = demos_beginning(tmp_path / "a.mp4", 0.5)
+    check_camera(Clip(panoramic), probe(panoramic))
+    for model in ("pinhole", "fisheye", "fisheye-pair"):
+        clip = Clip(panoramic, camera=CameraSection(model=model))
+        with pytest.raises(VideoError, match="seem to be whole panoramas: leave `camera` out"):
+            check_camera(clip, probe_clip(clip))
+
+
+@pytest.mark.parametrize("model", ["pinhole", "fisheye-pair"])
+def test_pictures_of_other_cameras_are_theirs(tmp_path: Path, model: str) -> None:
+    """Twice as wide as high, too."""
+    section = CameraSection(model=model)
+    beginning = demos_beginning(tmp_path / "a.mp4", 0.5)
+    clip = Clip(refilmed(beginning, tmp_path / "b.mp4", section.camera(512, 256)), camera=section)
+    check_camera(clip, probe_clip(clip))
+    taken_for_panoramas = preview_frames(Clip(clip.path), keys=1, pairs=0)[0]
+    with pytest.raises(VideoError):
+        require_panoramas(Clip(clip.path), taken_for_panoramas)
