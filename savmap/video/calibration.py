@@ -5,7 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import YAMLError
+from ruamel.yaml.nodes import MappingNode
 
 from savmap.errors import SiteError
 from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
@@ -18,15 +21,15 @@ ASPECT = 0.01
 """By how much the shapes of pictures and of a calibration's may differ."""
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML with OpenCV's matrices."""
+class _Constructor(SafeConstructor):
+    """With OpenCV's matrices."""
 
 
-def _matrix(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    return loader.construct_mapping(node, deep=True)
+def _matrix(constructor: SafeConstructor, node: MappingNode) -> dict[Any, Any]:
+    return dict(constructor.construct_mapping(node, deep=True))
 
 
-_Loader.add_constructor(OPENCV_TAG, _matrix)
+_Constructor.add_constructor(OPENCV_TAG, _matrix)
 
 
 def camera_from(path: Path, width: int, height: int) -> Camera:
@@ -54,9 +57,11 @@ def _content(path: Path) -> Mapping[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SiteError(f"{path}: the calibration cannot be read: {error}") from error
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Constructor = _Constructor
     try:
-        content = yaml.load(text.removeprefix("%YAML:1.0"), _Loader)  # a SafeLoader
-    except yaml.YAMLError as error:
+        content = yaml.load(text.removeprefix("%YAML:1.0"))
+    except YAMLError as error:
         raise SiteError(f"{path}: the calibration is neither YAML nor JSON: {' '.join(str(error).split())}") from error
     if not isinstance(content, Mapping):
         raise SiteError(f"{path}: the calibration holds no keys; give one of OpenCV, ROS (camera_info) or Kalibr")

@@ -16,6 +16,8 @@ from savmap.report.viewer import View, write_view
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
+    if BROWSER is None:
+        pytest.skip("no browser is installed")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as started:
