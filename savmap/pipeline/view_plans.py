@@ -11,7 +11,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
 from savmap.types import Floats, MapWarning, ViewPlan, ViewSpec
 from savmap.video.reader import Clip, preview_frames
-from savmap.vision.view_planning import Manual, PassPreview, own_view
+from savmap.vision.view_planning import Manual, PassPreview, whole_view
 from savmap.vision.views import Renderer
 
 
@@ -104,7 +104,7 @@ def plan_views(
     attitude: Floats | None,
 ) -> ViewPlan:
     """The views of a pass that one plugin wants; `attitude` as in `plan_pass`."""
-    whole = own_view(pass_preview.keys[0])
+    whole = whole_view(pass_preview.keys[0])
     manual = {"face": whole} if whole is not None else {}
     manual |= {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}
     predict = partial(segmenters.detect, plugin)

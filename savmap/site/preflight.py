@@ -259,7 +259,7 @@ def _surveyed(job: Job, row: str, entry: Any) -> Iterator[SavmapError]:
 
 def footage(job: Job) -> Iterator[SavmapError | Footage]:
     """Passes whose videos can be read, and what is wrong with the others."""
-    probed: dict[tuple[Path, CameraSection | None], VideoInfo | VideoError] = {}
+    probed: dict[tuple[Path, CameraSection | None], VideoInfo | SavmapError] = {}
     for row, section in job.site.rows.items():
         for number, (name, row_pass) in enumerate(zip(pass_names(section.passes), section.passes, strict=True)):
             info = probed.setdefault((row_pass.video, row_pass.camera), _probed(row_pass.clip))
@@ -271,11 +271,11 @@ def footage(job: Job) -> Iterator[SavmapError | Footage]:
             )
 
 
-def _probed(clip: Clip) -> VideoInfo | VideoError:
+def _probed(clip: Clip) -> VideoInfo | SavmapError:
     try:
         info = probe_clip(clip)
         check_camera(clip, info)
-    except VideoError as error:
+    except (VideoError, SiteError) as error:
         return error
     return info
 

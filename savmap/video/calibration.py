@@ -15,7 +15,7 @@ from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
 
 OPENCV_TAG = "tag:yaml.org,2002:opencv-matrix"
 RADIAL, FISHEYES = ("", "plumb_bob", "rational_polynomial", "radtan"), ("equidistant", "fisheye", "kannala_brandt")
-KALIBR, FIRST, SECOND = "camchain", "cam0", "cam1"
+FIRST, SECOND = "cam0", "cam1"
 MOST_TERMS = {Pinhole: 8, Fisheye: 4}
 ASPECT = 0.01
 """By how much the shapes of pictures and of a calibration's may differ."""

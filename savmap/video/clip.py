@@ -119,8 +119,8 @@ def check_shape(path: Path | str, width: int, height: int, panoramic: bool = Tru
         raise VideoError(f"{path}: its pictures have no size: the file is damaged, or they are far too large")
     if panoramic and (width != 2 * height or height < 2):
         raise VideoError(
-            f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video, or say which "
-            "camera took them: --camera pinhole"
+            f"{path}: pictures are {width}x{height}, not 2:1; give an equirectangular panoramic video, or name the "
+            "camera for `savmap map` (docs/video.md, Other cameras)"
         )
     if width > MOST_WIDTH:
         raise VideoError(f"{path}: pictures are {width}x{height}; at most {MOST_WIDTH}x{MOST_WIDTH // 2} are read")

@@ -194,9 +194,7 @@ def _small(clip: Clip, info: VideoInfo, times: list[float], max_height: int) -> 
     read = read_at if info.codec == "images" else partial(decode_at, panoramic=clip.camera is None)
     start, laid = clip.start_s or 0.0, _laid(clip, info)
     frames = [
-        _panorama(round((stamp - start) * clip.fps), stamp, picture, laid)
-        if laid
-        else panorama_of(round((stamp - start) * clip.fps), stamp, _shrunk(picture, max_height))
+        _panorama(round((stamp - start) * clip.fps), stamp, picture if laid else _shrunk(picture, max_height), laid)
         for stamp, picture in read(info, times)
     ]
     return frames if frames or times == [start] else _small(clip, info, [start], max_height)

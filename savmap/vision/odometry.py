@@ -100,6 +100,10 @@ class _AllAround:
         """The picture of a panorama."""
         return np.asarray(cv2.copyMakeBorder(seen(panorama), 0, 0, PAD, PAD, cv2.BORDER_WRAP), np.uint8)
 
+    def within(self, points: Pixels) -> Bools:
+        """Which points (n, 2) of these pictures may be followed on: all."""
+        return np.ones(len(points), np.bool_)
+
 
 class _InPart:
     """The same of a camera that does not see all around: what it sees, finer."""
@@ -121,6 +125,11 @@ class _InPart:
     def picture(self, panorama: Panorama) -> Grey:
         """The picture of a panorama."""
         return _grey(_whole(panorama)[self._part], *self._size)
+
+    def within(self, points: Pixels) -> Bools:
+        """Which points (n, 2) of these pictures may be followed on: those away from the border."""
+        x, y = points.round().astype(int).T.clip(0, np.array(self._size)[:, None] - 1)
+        return np.asarray(self.looked_at[y, x] > 0)
 
 
 def _pictures(panorama: Panorama) -> _AllAround | _InPart:
@@ -170,9 +179,7 @@ class Follower:
         moved, ok = lucas_kanade(last, picture, begin)
         back, ok_back = lucas_kanade(picture, last, moved)
         good = ok & ok_back & (np.linalg.norm(back - begin, axis=2)[:, 0] < MOST_RETURN_PX)
-        if isinstance(pictures, _InPart):
-            x, y = moved[:, 0].round().astype(int).T.clip(0, np.array(picture.shape[::-1])[:, None] - 1)
-            good &= pictures.looked_at[y, x] > 0
+        good &= pictures.within(moved[:, 0])
         pixels = moved[good, 0] - pictures.origin
         pixels[:, 0] %= pictures.width
         self._numbers, self._pixels = self._numbers[good], pixels

@@ -59,7 +59,7 @@ SETTLED_DEG = 1.0
 MOST_ROUNDS = 12
 KEPT_VIEWS = 20
 HFOV_STEP_DEG = 5.0
-WIDEST_OWN_DEG, SPARE_DEG, OWN_WIDTH = 125.0, 1.0, 640
+WIDEST_WHOLE_DEG, SPARE_DEG, WHOLE_WIDTH = 125.0, 1.0, 640
 """Of a camera whose whole picture is one view: its widest, what is left at the borders, and the view's pixels."""
 
 
@@ -215,7 +215,7 @@ def _spec(name: str, rig_from_view: Floats, hfov_deg: float) -> ViewSpec:
     return ViewSpec(name, *pinhole.angles_from_rotation(rig_from_view), hfov_deg=hfov_deg)
 
 
-def own_view(panorama: Panorama, name: str = "face") -> Manual | None:
+def whole_view(panorama: Panorama, name: str = "face") -> Manual | None:
     """The view that shows all that an ordinary lens sees, turned as the camera is; None of one that sees so much that
     views are chosen in it."""
     mask = panorama.seen
@@ -223,12 +223,12 @@ def own_view(panorama: Panorama, name: str = "face") -> Manual | None:
         return None
     level, upright = mask[panorama.height // 2], mask[:, panorama.height]
     across, down = (np.count_nonzero(line) * np.pi / panorama.height for line in (level, upright))
-    if not (level[panorama.height] and across < np.radians(WIDEST_OWN_DEG)):
+    if not (level[panorama.height] and across < np.radians(WIDEST_WHOLE_DEG)):
         return None
     hfov = float(np.degrees(across)) - SPARE_DEG
     wide = float(np.tan(np.radians(hfov) / 2) / np.tan((down - np.radians(SPARE_DEG)) / 2))
-    height = 8 * round(OWN_WIDTH / wide / 8)
-    return Manual(0.0, 0.0, 0.0, round(hfov, 3), OWN_WIDTH, height)
+    height = 8 * round(WHOLE_WIDTH / wide / 8)
+    return Manual(0.0, 0.0, 0.0, round(hfov, 3), WHOLE_WIDTH, height)
 
 
 def _seen_in_part(pass_preview: PassPreview, specs: Sequence[ViewSpec]) -> list[tuple[ViewSpec, int]]:

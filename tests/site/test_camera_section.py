@@ -9,11 +9,14 @@ from pydantic import ValidationError
 
 from savmap.errors import SiteError
 from savmap.geometry.cameras import Fisheye, FisheyePair, Pinhole
-from savmap.site.job import camera_content
+from savmap.site.job import camera_content, job_for
 from savmap.site.load import load_site
 from savmap.site.model import Site
+from savmap.site.preflight import footage
 from savmap.site.sections import CameraSection
 from savmap.video.clip import Clip
+
+from ..video.made_up_video import evenly, write_video
 
 
 def clip(of_pass: dict[str, Any] | None = None, **of_site: Any) -> Clip:
@@ -71,6 +74,16 @@ def test_a_calibration_lies_beside_the_site_file(tmp_path: Path) -> None:
     camera = load_site(tmp_path / "site.yaml").rows["A"].passes[0].camera
     assert camera is not None
     assert camera.calibration == tmp_path / "lens.yaml"
+
+
+def test_a_check_names_a_wrong_calibration_and_goes_on(tmp_path: Path) -> None:
+    video = write_video(tmp_path / "a.mp4", evenly(12, 15))
+    camera = f"{{model: fisheye, calibration: {tmp_path / 'no.yaml'}}}"
+    passes = f"[{{video: {video}, camera: {camera}}}, {{video: {tmp_path / 'b.mp4'}}}]"
+    (tmp_path / "site.yaml").write_text(f"rows: {{A: {{passes: {passes}}}}}", encoding="utf-8")
+    first, second = footage(job_for(tmp_path / "site.yaml", None, tmp_path / "out"))
+    assert "no.yaml: the calibration cannot be read" in str(first)
+    assert "b.mp4: no such file" in str(second)
 
 
 def test_options_are_the_section() -> None:

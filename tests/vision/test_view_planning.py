@@ -24,8 +24,8 @@ from savmap.vision.view_planning import (
     fit_count,
     fit_height,
     floor_view,
-    own_view,
     travel_directions,
+    whole_view,
 )
 
 from .hall import EYE_DISTANCE, EYE_HEIGHT, TOP, hall, red
@@ -226,13 +226,13 @@ def as_seen_by(camera: Camera, panorama: Panorama) -> Panorama:
 
 def test_an_ordinary_lens_is_looked_through_as_it_is() -> None:
     whole = Panorama(0, 0.0, np.zeros((1024, 2048, 3), np.uint8))
-    narrow = own_view(as_seen_by(Pinhole.of_hfov(1138, 640, 75.0), whole))
+    narrow = whole_view(as_seen_by(Pinhole.of_hfov(1138, 640, 75.0), whole))
     assert narrow is not None
     assert (narrow.yaw_deg, narrow.pitch_deg, narrow.roll_deg) == (0.0, 0.0, 0.0)
     assert narrow.hfov_deg == pytest.approx(74.0, abs=0.3)
     assert (narrow.width, narrow.height) == (640, 360)
-    assert own_view(whole) is None
-    assert own_view(as_seen_by(Fisheye.of_hfov(512, 512, 180.0), whole)) is None
+    assert whole_view(whole) is None
+    assert whole_view(as_seen_by(Fisheye.of_hfov(512, 512, 180.0), whole)) is None
 
 
 def test_a_face_is_found_in_what_a_narrow_camera_sees() -> None:
