@@ -534,7 +534,11 @@ class RowWalk:
             self.request,
             RowMeasurements(
                 facts=RowFacts(
-                    self.name, FrameTable(np.array(self.stamps), tuple(self.pass_of)), self.views, self.travel
+                    self.name,
+                    FrameTable(np.array(self.stamps), tuple(self.pass_of)),
+                    self.views,
+                    self.travel,
+                    self.request.sees_in_part,
                 ),
                 features={name: [] if name in failures else list(features) for name, features in self.features.items()},
                 attitudes={**self.attitudes, **self.request.attitudes},

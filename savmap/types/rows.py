@@ -80,9 +80,11 @@ class Trajectory:
 @array_record
 class RowFacts:
     """What a plugin is told of its row: its name, the frames, the views by name, and for each pass which way the camera
-    went along the face (+1: towards +x, -1: towards -x, 0: not known)."""
+    went along the face (+1: towards +x, -1: towards -x, 0: not known); and whether its camera may not see all
+    around."""
 
     name: str
     frames: FrameTable
     views: Mapping[str, ViewSpec]
     travel: Mapping[str, int]
+    sees_in_part: bool = False

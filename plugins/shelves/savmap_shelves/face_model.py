@@ -28,8 +28,6 @@ ROUNDS, SURE = 3, 5.0
 """Of reading all sections, each with what the others gave; a member that scores more tells the usual profile."""
 LEAST_SHOWN = 0.01
 """Cells that were seen less than this share of the usual are taken for unseen."""
-POST_SEEN = 0.5
-"""Of a post's height, in the least of its columns: where less was seen, none is."""
 REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
 """Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
@@ -69,7 +67,8 @@ class FaceReader:
     same cells.
 
     camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the
-    lower side; sizes: the posts' usual width and the beams' usual thickness; None where they are not known.
+    lower side; sizes: the posts' usual width and the beams' usual thickness; None where they are not known. least_seen:
+    the share of a post's height, in the least of its columns, below which none is.
     """
 
     uprights: PlaneEvidence
@@ -78,6 +77,7 @@ class FaceReader:
     floor: float | None
     parameters: FaceParameters
     sizes: tuple[float | None, float | None] = (None, None)
+    least_seen: float = 0.0
 
     @property
     def cell(self) -> float:
@@ -154,7 +154,7 @@ class FaceReader:
         """Posts between two rows, where so wide ones are usual; the rows between which they show, and their usual
         width."""
         scores = self.post_scores(self.pooled(ratios[slice(*rows)].T), usual)
-        unseen = np.cumsum(np.append(0, self.shown(self.uprights)[::-1][slice(*rows)].mean(axis=0) < POST_SEEN))
+        unseen = np.cumsum(np.append(0, self.shown(self.uprights)[::-1][slice(*rows)].mean(axis=0) < self.least_seen))
         for column, width in enumerate(self.post_widths.tolist()):
             scores[: len(unseen) - width, column][unseen[width:] > unseen[:-width]] = -np.inf
         (posts,) = best_intervals([scores], self.post_widths, self.cells(POSTS_APART))

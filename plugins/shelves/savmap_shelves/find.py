@@ -15,6 +15,8 @@ from savmap_shelves.likelihood import fitted
 
 CELL, ROOM = 0.0125, 0.1
 """The side of a cell, and how far an upright's outline goes on at both ends, as shares of the camera's distance."""
+POST_SEEN = 0.5
+"""Of a post's height, where the camera sees in part: what it did not look at is no post."""
 LIKELY = 0.5
 """Members that are more likely than this are numbered and mapped."""
 
@@ -54,7 +56,7 @@ def face_reader(
     below = None if floor is None else floor - float(patch.origin[1])
     grid = tracked_grid(points)
     sizes = (grid.width, grid.thickness) if grid else (None, None)
-    return FaceReader(uprights, beams, camera, below, fitted(), sizes)
+    return FaceReader(uprights, beams, camera, below, fitted(), sizes, POST_SEEN if facts.sees_in_part else 0.0)
 
 
 def beam_depth(points: Mapping[str, np.ndarray]) -> float:
