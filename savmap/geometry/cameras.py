@@ -87,6 +87,11 @@ class Pinhole(Camera):
         return cls(width, height, (focal, focal), ((width - 1) / 2, (height - 1) / 2))
 
     @property
+    def hfov_deg(self) -> float:
+        """How far apart the outer pixel borders would be without distortion, degrees."""
+        return float(np.degrees(2 * np.arctan(self.width / 2 / self.focal_px[0])))
+
+    @property
     def resolution(self) -> float:
         return max(self.focal_px)
 

@@ -22,7 +22,6 @@ from savmap.graph.factors.scene import (
     without_presumed,
 )
 from savmap.graph.factors.shapes import flat, graph_of, rectangle
-from savmap.graph.factors.walked import walked_constraints
 from savmap.graph.initial.gaps import where_tracks_miss_frames
 from savmap.graph.initial.start import published_start
 from savmap.graph.joint import solve_rows
@@ -89,7 +88,6 @@ __all__ = [
     "sight_lines",
     "solve",
     "solve_rows",
-    "walked_constraints",
     "where_tracks_miss_frames",
     "with_depths",
     "without_presumed",

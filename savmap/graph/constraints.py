@@ -91,7 +91,8 @@ class Constraints:
     the references. Factors of frames that are not solved for are left out. `variables`: variables that no pixel
     measures but these factors bind, with their first values by key: a `gtsam.Pose2` at a `KeySpace.pose2` key, three
     numbers at a `KeySpace.vector3` key. `height_reference`: how the user gives a known height on
-    this plugin's structures, for error messages.
+    this plugin's structures, for error messages. `unit`: a length that is taken for 1 where a camera sees a row in part
+    only, and nothing gives the scale.
     """
 
     plugin: str
@@ -104,6 +105,7 @@ class Constraints:
     alternatives: Mapping[str, tuple[Relation, ...]] = field(default_factory=dict)
     variables: Mapping[int, Variable] = field(default_factory=dict)
     height_reference: str = ""
+    unit: tuple[Relation, ...] = ()
 
     def __post_init__(self) -> None:
         missing = set(self.keys) - set(self.initial)

@@ -12,12 +12,15 @@ import numpy as np
 from savmap.errors import SiteError, StructureError
 from savmap.graph.calibration import Scene, drive_axes, velocities
 from savmap.graph.constraints import Constraints, Relation, factors_in
+from savmap.graph.factors.walked import walked_constraints
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
 from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
 SURE_PX, UNKNOWNS = 20.0, 6
+CARRIED_PX = 0.3
+"""Beside its noise, of what a camera sees that is carried by hand: it turns while a picture is read out."""
 NUMBER = re.compile(r"\d+")
 
 
@@ -132,21 +135,25 @@ class Estimate:
     variables: Mapping[int, Variable] = field(default_factory=dict)
 
 
-def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False, bound: bool = False) -> Problem:
+def merge(camera: CameraPriors, *parts: Constraints, partial: bool = False) -> Problem:
     """Join the plugins' parts and turn the references into relations.
 
     With `partial`, references to names that these plugins do not have are left out, for the camera is located before
-    the other plugins' landmarks are known. Frames that saw less than places them are left out, unless other factors
-    bind them to the rest (`bound`). Raises SiteError for a reference to an unknown name otherwise,
+    the other plugins' landmarks are known. Frames that saw less than places them are left out, unless a walked path
+    binds them to the rest. Raises SiteError for a reference to an unknown name otherwise,
     StructureError if nothing was measured: no landmark in a frame with a first pose nor, where the camera's path is
     given, anything by a plugin's factor in one of its frames.
     """
-    measurements = _measured(camera, parts, bound)
+    measurements = _measured(camera, parts, camera.walked is not None)
+    if camera.walked is not None:
+        measurements = replace(measurements, covariances=measurements.covariances + CARRIED_PX**2 * np.eye(2))
     if camera.calibration is not None:
         measurements = camera.calibration.with_parameters(measurements)
     frames = measurements.frames if camera.fixed is None else np.union1d(measurements.frames, camera.fixed.frames)
     solved = {frame_key(frame) for frame in np.unique(frames).tolist()}
     kept = tuple(_within(part, solved) for part in parts)
+    if camera.walked is not None:
+        kept = (*kept, walked_constraints(camera.walked, camera.facts.frames, np.unique(frames)))
     if not len(measurements) and not len(frames_of(kept)):
         raise StructureError(f"row {camera.facts.name}: no frame with a known pose saw anything")
     structure = tuple(relation for part in parts for relation in part.relations)

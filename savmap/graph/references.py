@@ -93,13 +93,15 @@ class References:
 @dataclass(frozen=True, eq=False)
 class CameraPriors:
     """What is known of the camera before the solve: a start (good attitudes, rough positions), the references, and, if
-    poses are taken from an earlier map, `fixed`. `calibration`: which terms of the camera are unknowns too."""
+    poses are taken from an earlier map, `fixed`. `calibration`: which terms of the camera are unknowns too. `walked`: a
+    path of known form and unknown scale, pass by pass, which binds frames that show too little to be placed alone."""
 
     facts: RowFacts
     start: Trajectory
     references: References
     fixed: Trajectory | None = None
     calibration: Calibration | None = None
+    walked: Trajectory | None = None
 
 
 def camera_priors(
@@ -108,6 +110,7 @@ def camera_priors(
     references: References | None = None,
     fixed: Trajectory | None = None,
     calibration: Calibration | None = None,
+    walked: Trajectory | None = None,
 ) -> CameraPriors:
     """Checked priors. Raises SolveError for a camera height of a pass that is not in the row, or a start that is not
     finite."""
@@ -118,4 +121,4 @@ def camera_priors(
             raise SolveError(f"row {facts.name}: camera height for pass '{unknown[0]}', but the row has no such pass")
     if not np.isfinite(start.world_from_rig).all():
         raise SolveError(f"row {facts.name}: the start has frames without a pose")
-    return CameraPriors(facts, start, chosen, fixed, calibration if calibration and calibration.names else None)
+    return CameraPriors(facts, start, chosen, fixed, calibration if calibration and calibration.names else None, walked)

@@ -19,6 +19,7 @@ from savmap.files.journal import Journal
 from savmap.maps.map_file import FIGURE
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
 from savmap.pipeline.key_frames import KeyFrames, front
+from savmap.pipeline.lens_walks import LensPoints, LensWalk, LensWay
 from savmap.pipeline.networks import network_lines, with_best_networks
 from savmap.pipeline.records import (
     DriveFrame,
@@ -31,7 +32,7 @@ from savmap.pipeline.records import (
     strips_of,
 )
 from savmap.pipeline.trust.footage import require_course
-from savmap.pipeline.view_plans import PassPlan, plan_pass, preview_of
+from savmap.pipeline.view_plans import PassPlan, looked_at, plan_pass
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool, close_unused
@@ -95,7 +96,7 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     """Walk once along all footage in which rows are seen. A row that cannot be measured comes back as its error: a
     SiteError, VideoError, ModelError, PluginError, or a StructureError where a pass has too few frames."""
     renderer = Renderer()
-    previews: dict[Footage, PassPreview] = {}
+    previews: dict[Footage, tuple[Pass, PassPreview, LensWalk | None]] = {}
     planned = each(requests, lambda row: _planned(row, previews, renderer, monitor))
     previews.clear()
     networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
@@ -122,7 +123,12 @@ def without_failed(rows: "Sequence[RowWalk]") -> "list[RowWalk]":
     return [row for row in rows if row.failure is None]
 
 
-def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Renderer, monitor: Monitor) -> Planned:
+def _planned(
+    row: RowRequest,
+    previews: dict[Footage, tuple[Pass, PassPreview, LensWalk | None]],
+    renderer: Renderer,
+    monitor: Monitor,
+) -> Planned:
     """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its
     preview."""
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
@@ -130,10 +136,11 @@ def _planned(row: RowRequest, previews: dict[Footage, PassPreview], renderer: Re
     name, row_pass = pass_names(row.passes)[0], row.passes[0]
     monitor.note(f"row {row.name}, {name}: choosing the views")
     if row_pass.footage not in previews:
-        previews[row_pass.footage] = preview_of(row_pass.clip, renderer)
-    preview = previews[row_pass.footage]
+        previews[row_pass.footage] = looked_at(row_pass, renderer)
+    told, preview, walk = previews[row_pass.footage]
+    row_pass = row_pass.model_copy(update={"camera": told.camera})
     plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name))
-    return row, plugins, plan
+    return row, plugins, replace(plan, walk=walk)
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
@@ -179,7 +186,10 @@ class Drive:
         self._all, self.renderer, self.report = rows, renderer, report
         self._journal, self._series = rows[0].journal, drive_of(rows[0].name, rows[0].plan.name)
         self._watch = PassWatch()
-        self._follower, self._way, self._known = Follower(), Way([row.towards for row in rows]), list[DriveFrame]()
+        walk, towards = rows[0].plan.walk, [row.towards for row in rows]
+        self._follower = Follower() if walk is None else LensPoints(walk)
+        self._way = Way(towards) if walk is None else Way(towards, LensWay(walk))
+        self._known = list[DriveFrame]()
         self._points = 0
         self._pool = ThreadPoolExecutor(WORKERS, "savmap-render")
         self._ahead: deque[tuple[dict[int, Panorama], Future[dict[int, Rendered | SavmapError]]]] = deque()
@@ -282,8 +292,8 @@ class Way:
     """The way of a drive as its frames tell it, in order: the odometry, and which frames are key frames. `towards`:
     unit directions of the faces (3,) in the rig frame, None where one is not known."""
 
-    def __init__(self, towards: Sequence[Floats | None] = ()) -> None:
-        self.odometry, self.keys = Odometry(), KeyFrames()
+    def __init__(self, towards: Sequence[Floats | None] = (), odometry: Odometry | LensWay | None = None) -> None:
+        self.odometry, self.keys = odometry or Odometry(), KeyFrames()
         self.keys.towards = [direction for direction in towards if direction is not None]
         self.followed: Followed | None = None
         """To the latest frame."""
@@ -367,6 +377,7 @@ class RowWalk:
         self.views: dict[str, ViewSpec] = {}
         self.travel: dict[str, int] = {}
         self.attitudes: dict[str, Floats] = {}
+        self.levelled = set[str]()
         self.features: dict[str, list[Feature]] = {plugin.name: [] for plugin in self.plugins}
         self.packed_views: dict[str, list[PackedView]] = {
             plugin.name: [] for plugin in self.plugins if plugin.has("find")
@@ -402,6 +413,10 @@ class RowWalk:
         self.keys, self.fronts, self._region = [], [], None
         self.views |= {spec.name: spec for spec in self.plan.views().values()}
         self.travel[name] = self.plan.travel()
+        if self.plan.walk is not None:
+            self.levelled.add(name)
+            self.notes.append(f"row {self.name}, {name}: {self.plan.walk.lens_line}")
+            self.warnings += self.plan.walk.warnings
         attitude = self.plan.attitude()
         if attitude is not None:
             self.attitudes[name] = attitude
@@ -551,6 +566,7 @@ class RowWalk:
                 skipped=self.skipped,
                 tones=tuple(self.tones),
                 walked=Trajectory.joined([*self.laid.values()]) if self.laid else None,
+                levelled=frozenset(self.levelled),
             ),
             strips=RowStrips(self.face.views, self._cuts_of(Strip), self._cuts_of(Still)),
             plugins=self.plugins,

@@ -33,6 +33,7 @@ from savmap.types import (
 )
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import (
+    OUTSIDE_PX,
     FloorHeight,
     depth_of,
     features_of,
@@ -45,7 +46,8 @@ from savmap.vision.evidence import (
 from savmap.vision.strips import PanoramaStrip
 
 UPRIGHT, STRAY_PX = 0.99, 5.0
-"""How far outside of its outline an object may be seen by the first path."""
+"""How far outside of its outline an object may be seen by the first path; and by any, where a picture's border may cut
+an edge of it off."""
 REACH = 3.0
 """What is further ahead or behind, in distances from its plane, is seen too far aslant to be measured."""
 
@@ -205,6 +207,7 @@ class Finder:
         """What is measured of objects in all frames whose pose is known."""
         series = strips_of(self.walked.request.name)
         pictures = {(packed.frame, packed.view): packed for packed in self.packed_views}
+        outside_px = STRAY_PX if self.facts.sees_in_part else OUTSIDE_PX
         strip: PanoramaStrip | None = None
         panorama: Panorama | None = None
         for frame, name, pose, near in self._shown(objects, path):
@@ -216,7 +219,7 @@ class Finder:
                 view = View(spec, frame, panorama.stamp_s, pictures[frame, name].image())
                 seen = strip.segmentation(self.plugin.name, name, self.plugin.classes)
                 features = self.plugin.extract_features(view, found_detections(view, seen, pose, near), panorama)
-                yield from features_of(features, outlines_in(spec, pose, near))
+                yield from features_of(features, outlines_in(spec, pose, near), outside_px)
 
     def _shown(
         self, objects: list[FoundObject], path: Trajectory

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from savmap import graph
 from savmap.errors import StructureError
 from savmap.geometry.poses import middle_rotation, usual_rotation
-from savmap.graph import CameraPriors, Constraints, References, camera_priors, published_start
+from savmap.graph import CameraPriors, References, camera_priors, published_start
 from savmap.pipeline.records import RowMeasurements, RowRequest
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import Floats, FrameTable, Trajectory
@@ -27,7 +27,10 @@ NEXT, LEAST_PLACED = 3, 3
 def first_poses(row: RowRequest, measurements: RowMeasurements) -> tuple[Trajectory, CameraPriors]:
     """The first poses of a row's frames, and the frames as the graph takes them. Raises StructureError."""
     start = initial_path(row, measurements)
-    priors = camera_priors(measurements.facts, start, row.gauge_references, fixed=row.path, calibration=row.calibration)
+    walked = measurements.walked if row.sees_in_part and row.path is None else None
+    priors = camera_priors(
+        measurements.facts, start, row.gauge_references, fixed=row.path, calibration=row.calibration, walked=walked
+    )
     return start, priors
 
 
@@ -76,14 +79,17 @@ def checked_path(row: str, path: Trajectory, count: int) -> Trajectory:
 
 def attitudes_along(row: RowRequest, measurements: RowMeasurements) -> Floats:
     """world_from_rig (n, 3, 3) of every frame, from edges of known direction in the pictures; those of a camera that
-    sees in part, of which many frames show few edges, turn as the drive's path does."""
+    sees in part, of which many frames show few edges, turn as the drive's path does, where that does not know how they
+    are turned."""
     seen, walked = attitudes_of(measurements), measurements.walked
     if walked is None or not row.sees_in_part:
         return seen
     for name in dict.fromkeys(measurements.facts.frames.passes):
         here = np.isin(walked.frames, measurements.facts.frames.of_pass(name))
         numbers, turns = walked.frames[here], walked.world_from_rig[here, :3, :3]
-        if len(numbers):
+        if name in measurements.levelled:
+            seen[numbers] = turns
+        elif len(numbers):
             seen[numbers] = usual_rotation(seen[numbers] @ turns.transpose(0, 2, 1)) @ turns
     return seen
 
@@ -113,22 +119,7 @@ def located_by(
         attitudes = start.world_from_rig[:, :3, :3]
         tracks = plugin.track(measurements.features[plugin.name], measurements.facts, attitudes, path)
         constraints = plugin.constrain(tracks, measurements.facts, row.path or start)
-    return graph.locate_camera(with_walk(row, measurements, frames, constraints, partial=True))
-
-
-def with_walk(
-    row: RowRequest, measurements: RowMeasurements, frames: CameraPriors, *parts: Constraints, partial: bool = False
-) -> graph.Problem:
-    """The parts joined, with the form of the drive's path where the camera does not see all around: a single frame of
-    it shows too little to be placed by."""
-    walked = measurements.walked
-    if walked is None or row.path is not None or not row.sees_in_part:
-        return graph.merge(frames, *parts, partial=partial)
-    used = graph.merge(frames, *parts, partial=partial, bound=True).used
-    table = measurements.facts.frames
-    of_passes = [np.intersect1d(used, table.of_pass(name)) for name in dict.fromkeys(table.passes)]
-    walks = [graph.walked_constraints(walked, of_pass) for of_pass in of_passes]
-    return graph.merge(frames, *parts, *walks, partial=partial, bound=True)
+    return graph.locate_camera(graph.merge(frames, constraints, partial=True))
 
 
 def completed(row: RowRequest, frames: FrameTable) -> RowRequest:

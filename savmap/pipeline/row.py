@@ -15,7 +15,7 @@ from savmap.maps.returning import recognition
 from savmap.maps.returning.frames import in_row
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
-from savmap.pipeline.path import completed, first_poses, with_walk
+from savmap.pipeline.path import completed, first_poses
 from savmap.pipeline.recognising import NO_MARKS, assumed_length, bare, frame_references
 from savmap.pipeline.records import (
     DescribedRow,
@@ -139,7 +139,7 @@ def constrain(row: TrackedRow, monitor: Monitor) -> PosedRow:
     """All constraints and references as one problem for the graph. Raises SiteError for a reference to what was not
     found."""
     parts = (*row.constraints.values(), *row.camera_constraints)
-    problem = with_walk(row.request, row.measurements, row.frames, *parts)
+    problem = graph.merge(row.frames, *parts)
     monitor.note(f"row {row.request.name}: {len(problem.used)} poses and {len(problem.keys)} points to solve for")
     return PosedRow(**vars(row), problem=problem)
 
@@ -305,7 +305,7 @@ def constrain_plugin(
 def locate_camera(row: LocatedRow, constraints: Sequence[Constraints]) -> tuple[Trajectory, bool]:
     """Where the camera was, by the constraints known so far: well enough to look for other structures; and whether its
     scale is assumed, for want of a reference to what was tracked so far."""
-    problem = with_walk(row.request, row.measurements, row.frames, *constraints, partial=True)
+    problem = graph.merge(row.frames, *constraints, partial=True)
     located = graph.locate_camera(problem, sigmas=bool(row.measurements.flows))
     return located.path, bool(located.assumed)
 
@@ -320,7 +320,7 @@ def with_flat_depths(
     if path is None:
         try:
             parts = (*constraints.values(), *others)
-            path = graph.locate_camera(with_walk(row.request, row.measurements, row.frames, *parts)).path
+            path = graph.locate_camera(graph.merge(row.frames, *parts)).path
         except SolveError:  # the solve will tell
             return dict(constraints), []
     depths = list(graph.measured_depths(flat_parts, constraints, path))

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
+from savmap.pipeline.lens_walks import LensWalk, lens_walk, with_lens
 from savmap.pipeline.trust.footage import require_panoramas
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -18,13 +19,15 @@ from savmap.vision.views import Renderer
 @dataclass(frozen=True, eq=False)
 class PassPlan:
     """One pass with the views that each plugin wants of it (`plans`, by plugin); `side`: the hand that the face is on,
-    where it is given; `warnings`: what speaks against its pictures."""
+    where it is given; `warnings`: what speaks against its pictures; `walk`: of an ordinary lens, what is known of it
+    before."""
 
     name: str
     clip: Clip
     plans: Mapping[str, ViewPlan]
     side: str | None = None
     warnings: tuple[MapWarning, ...] = ()
+    walk: LensWalk | None = None
 
     def travel(self) -> int:
         """Which way the camera goes along the face, by the first plugin that knows; 0 where none does."""
@@ -75,20 +78,31 @@ def plan_pass(
     `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no
     panoramas.
     """
-    pass_preview = preview_of(row_pass.clip, renderer)
+    row_pass, pass_preview, walk = looked_at(row_pass, renderer)
     warnings = require_panoramas(row_pass.clip, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
     plans = {plugin.name: plans[plugin.name] for plugin in plugins}
-    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings), pass_preview
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings, walk), pass_preview
 
 
 def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:
     """The plugins, those first that may find the face, in whatever order they are named: the others' views are turned
     along it."""
     return sorted(plugins, key=lambda plugin: plugin.needs_path)
+
+
+def looked_at(row_pass: Pass, renderer: Renderer) -> tuple[Pass, PassPreview, LensWalk | None]:
+    """A pass with what views are chosen by; of an ordinary lens, with the focal length that its walk tells, and that
+    walk. Raises VideoError, StructureError."""
+    walk = lens_walk(row_pass)
+    if walk is None:
+        return row_pass, preview_of(row_pass.clip, renderer), None
+    row_pass = with_lens(row_pass, walk)
+    keys, pairs = preview_frames(row_pass.clip)
+    return row_pass, PassPreview(keys, pairs, renderer, walk.world_from_rig_usual.T, walk.travel), walk
 
 
 def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:

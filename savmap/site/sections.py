@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -261,6 +262,8 @@ class CameraSection(Strict):
     hfov_deg: Annotated[float, Field(gt=10, lt=300)] | None = None
     """From the left border of the picture (of a pair: of the left half) to the right one. Default: 65 for an ordinary
     lens, 180 for a fisheye, 190 for a pair."""
+    radial: Annotated[float, Field(gt=-1, lt=1)] = 0.0
+    """The first radial term (OpenCV's k1) of an ordinary lens, beside `hfov_deg`."""
     calibration: Where | None = None
     """A calibration file of OpenCV, ROS (`camera_info`) or Kalibr, in place of `hfov_deg`."""
 
@@ -284,7 +287,7 @@ class CameraSection(Strict):
             return camera
         hfov = self.hfov_deg or USUAL_HFOV_DEG[self.model]
         if self.model == "pinhole":
-            return Pinhole.of_hfov(width, height, hfov)
+            return replace(Pinhole.of_hfov(width, height, hfov), distortion=(self.radial,) if self.radial else ())
         if self.model == "fisheye":
             return Fisheye.of_hfov(width, height, hfov)
         lens = Fisheye.of_hfov(width // 2, height, hfov)

@@ -38,6 +38,7 @@ __all__ = [
     "check_camera",
     "expected_frames",
     "panoramas",
+    "pictures",
     "preview_frames",
     "probe",
     "probe_clip",
@@ -119,9 +120,17 @@ def panoramas(
     are not decoded again; `report` tells of them. Raises VideoError as `probe` does, for a range outside the video, and
     where nothing can be decoded.
     """
+    laid = _laid(clip, probe_clip(clip))
+    for number, (stamp_s, picture) in enumerate(pictures(clip, report, known_s), first_frame + len(known_s)):
+        yield _panorama(number, stamp_s, picture, laid)
+
+
+def pictures(
+    clip: Clip, report: DecodeReport | None = None, known_s: Sequence[float] = ()
+) -> Iterator[tuple[float, Picture]]:
+    """A clip's pictures as its camera took them, with their times; as `panoramas`."""
     report = DecodeReport() if report is None else report
     info = probe_clip(clip)
-    laid = _laid(clip, info)
     start, end = time_range(clip, info.duration_s)
     last, gap = (known_s[-1], max(np.diff(known_s, prepend=start))) if known_s else (start, 0.0)
     report.used += len(known_s)
@@ -130,7 +139,7 @@ def panoramas(
     for stamp, image in sampled(read(info, last, end, report), clip.fps, report, known_s):
         last, gap = stamp, max(gap, stamp - last)
         report.decoded_by.append(report.decoded)
-        yield _panorama(first_frame + report.used - 1, stamp, image, laid)
+        yield stamp, image
     if not report.used:
         raise VideoError(f"{clip.path}: no frame from {start:g} s on can be decoded; the file is cut off or damaged")
     rate = sampling_fps(clip, info)

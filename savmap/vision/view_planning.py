@@ -137,12 +137,14 @@ class Manual:
 @array_record
 class PassPreview:
     """What views are planned from: key frames `keys` over a pass, `pairs` of close frames, and the building's axes
-    `rig_from_manhattan` (3, 3)."""
+    `rig_from_manhattan` (3, 3); and where it is known before the face is, which way the camera goes along the face
+    towards which it looks (as `Face.travel`)."""
 
     keys: tuple[Panorama, ...]
     pairs: tuple[tuple[Panorama, Panorama], ...]
     renderer: Renderer
     rig_from_manhattan: Floats
+    travel: int = 0
 
     @classmethod
     def of_frames(
@@ -253,7 +255,9 @@ def choose_face(pass_preview: PassPreview, score: Score, side: Side | None = Non
     scores.
     """
     specs = face_candidates(pass_preview.rig_from_manhattan)
-    if pass_preview.keys[0].seen is not None:
+    if pass_preview.travel:
+        ways = [(specs[0], pass_preview.travel)]
+    elif pass_preview.keys[0].seen is not None:
         ways = _seen_in_part(pass_preview, specs)
     else:
         pairs, renderer = pass_preview.pairs, pass_preview.renderer

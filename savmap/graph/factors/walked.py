@@ -1,6 +1,7 @@
 """The form of a drive's path as factors: how the camera turned from frame to frame, and where each frame lies between
 its neighbours, in whatever scale. They bind frames to one another, and to no place, no scale and no structure."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import gtsam
@@ -10,7 +11,7 @@ from savmap.graph.constraints import Constraints
 from savmap.graph.factors.appearance import skew
 from savmap.graph.keys import frame_key
 from savmap.graph.measurements import image_measurements
-from savmap.types import Floats, Ints, Trajectory
+from savmap.types import Floats, FrameTable, Ints, Trajectory
 
 PLUGIN = "walk"
 TURN_SIGMA_DEG, PLACE_SIGMA = 0.1, 0.002
@@ -20,21 +21,41 @@ LEAST_SHARE = 0.3
 """Of the way, by which the outer two of three frames are apart where the one between tells anything."""
 
 
-def walked_constraints(walked: Trajectory, frames: Ints) -> Constraints:
-    """The form of a `walked` path of known turns and unknown scale, at those of its frames (n,) that are solved for."""
+def walked_constraints(walked: Trajectory, table: FrameTable, frames: Ints) -> Constraints:
+    """The form of a `walked` path of known turns and unknown scale, at those of its frames (n,) that are solved for,
+    each pass by itself."""
     graph = gtsam.NonlinearFactorGraph()
-    here = np.flatnonzero(np.isin(walked.frames, frames))
-    keys = [frame_key(frame) for frame in walked.frames[here].tolist()]
-    poses = walked.world_from_rig[here]
     sigmas = np.append(np.full(3, np.radians(TURN_SIGMA_DEG)), np.full(3, FREE_M))
     turn = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
-    for (key, pose), (next_key, following) in pairwise(zip(keys, poses, strict=True)):
-        between = gtsam.Pose3(pose).between(gtsam.Pose3(following))
-        graph.add(gtsam.BetweenFactorPose3(key, next_key, between, turn))
-    for first in range(len(keys) - 2):
-        if (share := share_between(poses[first : first + 3])) is not None:
-            graph.push_back(place_factor(keys[first : first + 3], share))
+    poses = dict(zip(walked.frames.tolist(), walked.world_from_rig, strict=True))
+    for numbers in runs(walked, table, frames):
+        for frame, following in pairwise(numbers):
+            between = gtsam.Pose3(poses[frame]).between(gtsam.Pose3(poses[following]))
+            graph.add(gtsam.BetweenFactorPose3(frame_key(frame), frame_key(following), between, turn))
+    for three, share in shares(walked, table, frames):
+        graph.push_back(place_factor([frame_key(frame) for frame in three], share))
     return Constraints(PLUGIN, {}, image_measurements((), {}, {}), (), {}, factors=graph)
+
+
+def runs(walked: Trajectory, table: FrameTable, frames: Ints) -> Iterator[list[int]]:
+    """Those of the frames (n,) that were walked, pass by pass."""
+    here = np.intersect1d(walked.frames, frames)
+    for name in dict.fromkeys(table.passes):
+        yield np.intersect1d(here, table.of_pass(name)).tolist()
+
+
+def shares(walked: Trajectory, table: FrameTable, frames: Ints) -> Iterator[tuple[tuple[int, int, int], Floats]]:
+    """Three frames each, and where the second of them lies between the others (`share_between`): neighbours, and ever
+    further ones, for the scale of a path that only neighbours hold runs away."""
+    poses = dict(zip(walked.frames.tolist(), walked.world_from_rig, strict=True))
+    for numbers in runs(walked, table, frames):
+        step = 1
+        while 2 * step < len(numbers):
+            for first in range(0, len(numbers) - 2 * step, step):
+                three = numbers[first], numbers[first + step], numbers[first + 2 * step]
+                if (share := share_between(np.stack([poses[frame] for frame in three]))) is not None:
+                    yield three, share
+            step *= 2
 
 
 def share_between(poses: Floats) -> Floats | None:

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, vstack
 from scipy.sparse.linalg import splu
 
+from savmap.graph.factors.walked import PLACE_SIGMA, shares
 from savmap.graph.problem import Problem
-from savmap.types import Floats, Ints
+from savmap.types import Floats, Ints, Trajectory
 
 ROUNDS = 6
 HUBER = 1.345
@@ -133,18 +134,35 @@ def _rows(problem: Problem, plan: Layout, forms: Floats, poses: Floats) -> csc_m
 
 
 def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Iterator[Equation]:
-    """Smooth motion; the extent of a path without a face plane; a faint pull of every coordinate to its start."""
+    """Smooth motion, or as it was walked; the extent of a path without a face plane; a faint pull of every coordinate to its start."""
     for slots, value in _faint(plan, initial):
         yield [(slots, SOFT)], SOFT * value
     if not plan.cameras:
         return
     if (plan.slot[:, 2] >= 0).any() and not (plan.slot[:, 2] < 0).any():
         yield _travel(poses, plan)
+    if problem.camera.walked is not None:
+        yield from _as_walked(problem, problem.camera.walked, poses)
+        return
     for chunk in problem.passes():
         for before, now, after in zip(chunk[:-2], chunk[1:-1], chunk[2:], strict=True):
             for axis in range(3):
                 bend = [(3 * int(before) + axis, 0.5), (3 * int(now) + axis, -1.0), (3 * int(after) + axis, 0.5)]
                 yield [(slot, weight / SMOOTH_M) for slot, weight in bend], 0.0
+
+
+def _as_walked(problem: Problem, walked: Trajectory, poses: Floats) -> Iterator[Equation]:
+    """Each frame lies between two others as in a walked path, in the axes that the poses (f, 4, 4) of the used frames
+    give the first."""
+    for three, share in shares(walked, problem.camera.facts.frames, problem.used):
+        first, second, last = (int(np.searchsorted(problem.used, frame)) for frame in three)
+        turn = poses[first, :3, :3]
+        along = turn @ share @ turn.T
+        weight = 1 / (PLACE_SIGMA * max(float(np.linalg.norm(poses[last, :3, 3] - poses[first, :3, 3])), 1e-6))
+        for axis in range(3):
+            entries = [(3 * first + k, weight * (along[axis, k] - (axis == k))) for k in range(3)]
+            entries += [(3 * last + k, -weight * along[axis, k]) for k in range(3)]
+            yield [*entries, (3 * second + axis, weight)], 0.0
 
 
 def _anchors(problem: Problem, plan: Layout, poses: Floats, factors: Floats) -> Iterator[csc_matrix]:

@@ -12,15 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.constraints import TIGHT_M, Relation
-from savmap.graph.problem import Problem
-from savmap.types import Axis, Floats
+from savmap.graph.constraints import TIGHT_M, Relation, fixed_coordinate
+from savmap.graph.problem import SURE_PX, Problem
+from savmap.types import Axis, Floats, Ints
 
 SCALE_LIMIT = 0.05
 PLACE_LIMIT_M = 0.5
 LOOSE = np.array([10.0, 1e3, 1e3, 1e3])
 ASSUMED_M, ASSUMED_PART = 0.02, 0.01
 ROBUST_ROUNDS = 20
+SCALE, PLACE_Y = "scale", "place along y"
 AXES: tuple[Axis, ...] = ("x", "y", "z")
 
 
@@ -112,16 +113,47 @@ def require_known(problem: Problem, scale_sigma: float) -> None:
 
 def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem:
     """The problem with what its references leave open of scale and place taken from a scene: camera positions (f, 3)
-    and points (m, 3) as the start has them. It is itself where nothing is open."""
+    and points (m, 3) as the start has them; of a whole map a plugin's unit of length, and y = 0 at the lowest point
+    that was measured often: there the scene must be. It is itself where nothing is open."""
     similarity = fit(problem, cameras, points)
     if not _scale_sigma(similarity) < SCALE_LIMIT:
-        problem = _with_assumed(problem, extent(problem, cameras, points, ASSUMED_PART, "assumed scale"), "scale")
+        unit = () if problem.partial else next((part.unit for part in problem.parts if part.unit), ())
+        scale = unit or extent(problem, cameras, points, ASSUMED_PART, "assumed scale")
+        problem = _with_assumed(problem, scale, SCALE)
         similarity = fit(problem, cameras, points)
     for axis, column, sigma in zip(AXES, range(3), similarity.sigma_at(points.mean(axis=0)), strict=True):
         if sigma > PLACE_LIMIT_M:
-            first = Relation(axis, int(problem.keys[0]), None, float(points[0, column]), ASSUMED_M, f"assumed {axis}")
-            problem = _with_assumed(problem, (first,), f"place along {axis}")
+            held = Relation(axis, int(problem.keys[0]), None, float(points[0, column]), ASSUMED_M, f"assumed {axis}")
+            if axis == "y" and not problem.partial:
+                held = fixed_coordinate(axis, int(problem.keys[lowest(problem, points)]))
+            problem = _with_assumed(problem, (held,), f"place along {axis}")
     return problem
+
+
+def assumptions(problem: Problem) -> tuple[str, ...]:
+    """What to tell the user of what was assumed for want of references."""
+    return tuple(
+        "nothing gives the scale: the map is in units of its own (of a rack, one bay is 1), not in metres; give a length"
+        if what == SCALE
+        else f"nothing gives the {what}: it is 0 at the lowest edge that was measured"
+        for what in problem.assumed
+    )
+
+
+def lowest(problem: Problem, points: Floats) -> int:
+    """Which of the points (m, 3) that were measured often, their heights too, is the lowest."""
+    tall = problem.measurements.covariances[:, 1, 1] > SURE_PX**2
+    count = len(points)
+    measured = np.bincount(problem.at_key, minlength=count) > 2 * np.bincount(problem.at_key[tall], minlength=count)
+    often = _often(problem, count)
+    often = often[measured[often]] if measured[often].any() else often
+    return int(often[points[often, 1].argmin()])
+
+
+def _often(problem: Problem, count: int) -> Ints:
+    """Which of the points were measured often."""
+    counts = np.bincount(problem.at_key, minlength=count)
+    return np.flatnonzero(counts >= np.median(counts))
 
 
 def _with_assumed(problem: Problem, relations: tuple[Relation, ...], what: str) -> Problem:
@@ -132,8 +164,7 @@ def extent(problem: Problem, cameras: Floats, points: Floats, part: float, name:
     """The extent of a scene, points (m, 3), along the way of the cameras (f, 3), known to a `part` of it: between the
     farthest of what was measured often. Across the way lie the ends of lines, which may be anywhere along them. Nothing
     of a scene without extent."""
-    counts = np.bincount(problem.at_key, minlength=len(points))
-    often = np.flatnonzero(counts >= np.median(counts))
+    often = _often(problem, len(points))
     column = int(np.argmax(np.ptp(cameras, axis=0)))
     first, last = (int(often[end(points[often, column])]) for end in (np.argmin, np.argmax))
     value = float(points[last, column] - points[first, column])

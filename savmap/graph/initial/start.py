@@ -7,7 +7,7 @@ import numpy as np
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.poses import rotations_at
 from savmap.graph.initial.linear import linear_positions
-from savmap.graph.initial.observability import IDENTITY, Similarity, assume_missing, fit, require_metric
+from savmap.graph.initial.observability import IDENTITY, PLACE_Y, Similarity, assume_missing, assumptions, fit, lowest, require_metric
 from savmap.graph.initial.outlier_references import (
     OutlierReference,
     consistent_alternatives,
@@ -74,8 +74,12 @@ class Start:
 
     @property
     def warnings(self) -> tuple[MapWarning, ...]:
-        """What speaks against the alternatives."""
-        return tuple(MapWarning("incomplete-map", details=(note,)) for note in self.notes)
+        """What speaks against the alternatives, and against what was assumed."""
+        assumed = () if self.problem.partial else assumptions(self.problem)
+        return (
+            *(MapWarning("incomplete-map", details=(note,)) for note in self.notes),
+            *(MapWarning("doubtful-scale", details=(line,)) for line in assumed),
+        )
 
 
 def starts(problem: Problem, kind: str) -> list[Start]:
@@ -109,7 +113,14 @@ def _start(
     given = problem
     problem, refuted = without_outliers(problem, cameras, positions)
     if problem.camera.fixed is None:
-        problem = assume_missing(problem, cameras, positions) if problem.partial else problem
+        if problem.partial or problem.camera.facts.sees_in_part:
+            assumed = assume_missing(problem, cameras, positions)
+            if not problem.partial and PLACE_Y in assumed.assumed:
+                low = positions[lowest(problem, positions), 1] * np.eye(3)[1]
+                cameras, positions = cameras - low, positions - low
+            extra = assumed.relations[len(problem.relations) :]
+            given = replace(given, relations=(*given.relations, *extra), assumed=assumed.assumed)
+            problem = assumed
         similarity = fit(problem, cameras, positions)
         require_metric(problem, similarity, positions.mean(axis=0))
         cameras, positions = similarity.points(cameras), similarity.points(positions)

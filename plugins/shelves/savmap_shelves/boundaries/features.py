@@ -85,7 +85,7 @@ def extract_features(
     least_px = settings.least_sigma_px if panorama is None else settings.least_measured_sigma_px
     extraction = Extraction(view, settings, least_px)
     separators = _separators(extraction, detections)
-    beams = _beams(extraction, detections, separators)
+    beams = _beams(extraction, detections, separators, panorama is not None)
     of_parts: Iterable[Feature] = ()
     if panorama is not None:
         kept = np.flatnonzero(separators.kept)
@@ -130,19 +130,22 @@ def _apparent_height(strips: Strips, extraction: Extraction) -> float:
     return float(np.clip(float(strips.length.max(initial=0.0)) / FITTED, LOWEST * height, height))
 
 
-def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators) -> Strips:
+def _beams(
+    extraction: Extraction, detections: Sequence[Detection], separators: Separators, outlined: bool
+) -> Strips:
+    """The beams' strips; of `outlined` ones, which are known, those too of which the picture's border cuts an edge."""
     runs, part, probability = _class_runs(extraction, detections, "beam")
     cell = _cells(runs, separators.strips)
     inside = cell >= 0
     strips = strips_of(runs[inside], part[inside], cell[inside], probability, extraction.settings)
-    return sorted_beams(extraction, strips)
+    return sorted_beams(extraction, strips.completed() if outlined else strips[strips.two_edged])
 
 
 def sorted_beams(extraction: Extraction, strips: Strips) -> Strips:
     """The strips that may be beams, bay by bay from the left, each from the top."""
     settings = extraction.settings
     long = strips.length >= np.maximum(settings.least_beam_px, settings.least_aspect * strips.thickness)
-    strips = strips[long & strips.two_edged]
+    strips = strips[long]
     return strips[np.lexsort((strips.upper.at(extraction.size[0] / 2), strips.cell))]
 
 

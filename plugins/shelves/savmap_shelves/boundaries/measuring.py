@@ -67,7 +67,8 @@ def _edges(spec: ViewSpec, strips: Strips, axes: Floats, stands: bool) -> Edges:
     inside = np.repeat([1.0, -1.0], len(strips))
     rays = _rays(spec, middle, both.at(middle), stands) @ axes
     across = rays[:, 0 if stands else 1] / np.maximum(rays[:, 2], 1e-6)
-    return Edges(both, first, last, inside, thickness, np.maximum(inside * across, 0.0), stands, patterned=stands)
+    flank = np.maximum(inside * across, 0.0)
+    return Edges(both, first, last, inside, thickness, flank, stands, patterned=stands, wanted=both.inliers > 0)
 
 
 def _with_edges(strips: Strips, lines: Lines) -> Strips:

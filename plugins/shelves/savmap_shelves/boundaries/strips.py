@@ -4,7 +4,7 @@ A strip lies along u and is crossed along v: u = x, v = y for a beam, u = y, v =
 the one at smaller v. Paper, section III.C, step 2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,8 +77,22 @@ class Strips:
     @property
     def two_edged(self) -> Bools:
         """Whether strips have two edges that enough of their mask supports (p,); the picture's border cuts the others."""
-        least = np.maximum(LEAST_POINTS, LEAST_SHARE * self.columns)
-        return (np.minimum(self.upper.inliers, self.lower.inliers) >= least) & (self.thickness > LEAST_THICKNESS_PX)
+        return self._supported(self.upper) & self._supported(self.lower) & (self.thickness > LEAST_THICKNESS_PX)
+
+    def _supported(self, lines: Lines) -> Bools:
+        return np.asarray(lines.inliers >= np.maximum(LEAST_POINTS, LEAST_SHARE * self.columns))
+
+    def completed(self) -> "Strips":
+        """Those with an edge that enough of their mask supports; where the picture's border cuts the other one off, it
+        lies as far from that as is usual, without inliers. None where no strip has both."""
+        if not self.two_edged.any():
+            return self[self.two_edged]
+        usual = float(np.median(self.thickness[self.two_edged]))
+        strips = self[self.two_edged | (self._supported(self.upper) ^ self._supported(self.lower))]
+        above, below = (replace(lines, inliers=0 * lines.inliers) for lines in (strips.upper, strips.lower))
+        upper = where(strips._supported(strips.upper), strips.upper, replace(below, offset=below.offset - usual))
+        lower = where(strips._supported(strips.lower), strips.lower, replace(above, offset=above.offset + usual))
+        return replace(strips, upper=upper, lower=lower)
 
 
 def strips_of(runs: Runs, part: Ints, cell: Ints, probability: Probability, settings: BoundarySettings) -> Strips:

@@ -135,6 +135,7 @@ _log = logging.getLogger(__name__)
 Values = float | Sequence[float | None]
 TOP_M = 6.0
 FLOOR_SIGMA_M = 0.03
+ONE_SIGMA = 0.001
 """Of where all feet together put the floor: what hides one or lifts it, such as a plate or a guard, does so to all of a
 row."""
 HIDDEN_FEET = (
@@ -193,7 +194,7 @@ def constrain(
     Raises StructureError if there is no grid, SiteError if fewer heights or pitches are given than bays were found.
     """
     settings = settings or GridSettings()
-    feet = [track for track in tracks if is_foot(track)] if settings.lowest_beam_bottom_height_m is None else []
+    feet = _feet(tracks, facts) if settings.lowest_beam_bottom_height_m is None else []
     tracks = [track for track in tracks if not is_foot(track) and not is_part(track)]
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
@@ -213,7 +214,16 @@ def constrain(
         initial | {track.name: _initial_foot(track, grid, initial) for track in feet},
         dict(_edge_names(grid, keys)),
         alternatives=alternatives if len(alternatives) > 1 else {},
+        unit=_one_bay(grid, keys),
     )
+
+
+def _feet(tracks: Sequence[Track], facts: RowFacts) -> list[Track]:
+    """Where uprights stand on the floor; nowhere where a camera that sees in part shows that of few uprights alone:
+    goods hide what is below."""
+    feet = [track for track in tracks if is_foot(track)]
+    uprights = {track.place["upright"] for track in tracks if track.label == "upright"}
+    return [] if facts.sees_in_part and 2 * len(feet) < len(uprights) else feet
 
 
 def _weighted(
@@ -339,6 +349,13 @@ def _pitch(
             first, second = (keys[grid.columns[upright, side][0]] for upright in (section, section + 1))
             yield known_length("x", first, second, value, settings.bay_pitch_sigma_m, f"bay pitch of {bay}")
             return
+
+
+def _one_bay(grid: TrackGrid, keys: Mapping[str, int]) -> tuple[Relation, ...]:
+    """The pitch of the middle one of the bays as 1: those at the ends may be seen in part."""
+    section = grid.sections[len(grid.sections) // 2]
+    unit = _pitch(grid, keys, section, "", 1.0, GridSettings(bay_pitch_sigma_m=ONE_SIGMA))
+    return tuple(replace(relation, name="bay pitch taken for 1", is_given=False) for relation in unit)
 
 
 def _lowest_edge(grid: TrackGrid, section: int) -> str | None:

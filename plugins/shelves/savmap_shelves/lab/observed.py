@@ -174,7 +174,8 @@ def observed_features(
     standing, lying = _strips(edges, "upright", sigma_px), _strips(edges, "beam", sigma_px)
     uprights_of, beams_of = _truths(edges, "upright"), _truths(edges, "beam")
     separators = sorted_separators(frame, standing[_longest(standing, uprights_of)], spec.height)
-    beams = sorted_beams(frame, _in_cells(lying[_longest(lying, beams_of)], separators))
+    strips = _in_cells(lying[_longest(lying, beams_of)], separators)
+    beams = sorted_beams(frame, strips[strips.two_edged])
     objects = {
         "upright": _objects(separators.strips[separators.kept], standing, uprights_of),
         "beam": _objects(beams, lying, beams_of),
