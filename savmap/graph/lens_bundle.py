@@ -12,12 +12,14 @@ from savmap.geometry.cameras import Pinhole
 Given = tuple[float, float, float]
 """What is known of a lens: its focal length and the standard deviation of that, pixels, and that of its radial term."""
 
-PIXEL_SIGMA, HUBER = 1.0, 1.3
-TURN_SIGMA_DEG, CAUCHY = 0.6, 2.0
+PIXEL_SIGMA = 0.4
+"""Of a sighting that fits. Outliers count less and less (Cauchy): an edge before another one moves as neither does, and
+racks are full of these. By Huber's loss such points bend a path by ten times its error."""
+TURN_SIGMA_DEG, TURN_CAUCHY = 0.3, 2.0
 """Of turns by lines, some of which are wrong."""
 HOLD = 1e-4
 """Of the first place and of the way's length, as a share of that: nothing tells these."""
-FIRST_MOST_PX, MOST_PX = 60.0, 3.0
+FIRST_MOST_PX, MOST_PX = 60.0, 2.0
 """By which a point is off that is left out from the start; by which a sighting is that is not used later."""
 MOST_STEPS, LEAST_GAIN = 20, 1e-4
 
@@ -57,14 +59,14 @@ def adjusted(
     focal_given, focal_sigma, radial_sigma = given
     sigmas = model.Diagonal.Sigmas(np.array([focal_sigma, radial_sigma, 1e-6]))
     graph.add(gtsam.PriorFactorCal3Bundler(lens, gtsam.Cal3Bundler(focal_given, 0.0, 0.0, 0.0, 0.0), sigmas))
-    noise = model.Robust.Create(model.mEstimator.Huber.Create(HUBER), model.Isotropic.Sigma(2, PIXEL_SIGMA))
+    noise = model.Robust.Create(model.mEstimator.Cauchy.Create(1.0), model.Isotropic.Sigma(2, PIXEL_SIGMA))
     for number in used.tolist():
         values.insert(gtsam.symbol("p", number), points[number])
     for k in np.flatnonzero(np.isin(point, used)).tolist():
         keys = gtsam.symbol("x", int(frame[k])), gtsam.symbol("p", int(point[k])), lens
         graph.add(gtsam.GeneralSFMFactor2Cal3Bundler(pixels[k], noise, *keys))
     upright = model.Robust.Create(
-        model.mEstimator.Cauchy.Create(CAUCHY), model.Isotropic.Sigma(3, float(np.radians(TURN_SIGMA_DEG)))
+        model.mEstimator.Cauchy.Create(TURN_CAUCHY), model.Isotropic.Sigma(3, float(np.radians(TURN_SIGMA_DEG)))
     )
     for number, pose in enumerate(poses):
         key = gtsam.symbol("x", number)

@@ -19,7 +19,7 @@ from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
 SURE_PX, UNKNOWNS = 20.0, 6
-CARRIED_PX = 0.3
+CARRIED_PX = 0.5
 """Beside its noise, of what a camera sees that is carried by hand: it turns while a picture is read out."""
 NUMBER = re.compile(r"\d+")
 

@@ -18,7 +18,7 @@ RING = np.array([[0, 1], [1, 3], [3, 2], [2, 0]])
 AROUND = [0, 1, 3, 2]  # the corners in order
 UNMEASURED_M = 0.15
 """An edge that is unsure by more was measured nowhere: what was taken for it in single pictures is at no one place."""
-ALIKE, LEAST_PROFILES = 0.05, 3
+ALIKE, FEW_ALIKE, LEAST_PROFILES = 0.05, 0.25, 3
 """Such an edge is where beams of the usual height have it, of so many at least: to `ALIKE` of the height, or as far as
 their heights scatter."""
 NOT_SEEN, NEITHER = "edges", "neither edge seen"
@@ -120,10 +120,10 @@ def _beams(grid: TrackGrid, landmarks: Mapping[str, Landmark], solution: Solutio
 
 def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
     """Beams, those of which one edge was measured nowhere, or less well than the usual height tells it, with that edge
-    where most have it. Where too few beams have both, those of which one was not even tracked are left out."""
+    where most have it. Where no beam has both, those of which one was not even tracked are left out."""
     unmeasured = [_unmeasured(beam) for beam in beams]
     measured = [beam for beam, edges in zip(beams, unmeasured, strict=True) if not any(edges)]
-    if len(measured) < LEAST_PROFILES:
+    if not measured:
         return [beam for beam in beams if beam.attributes.get("height_sigma_m") != UNKNOWN_M]
     usual = [_usual_height(beam, measured) for beam in beams]
     unmeasured = [_worse_than(beam, size[1]) for beam, size in zip(beams, usual, strict=True)]
@@ -135,11 +135,12 @@ def with_usual_height(beams: Sequence[Structure]) -> list[Structure]:
 
 def _usual_height(beam: Structure, measured: Sequence[Structure]) -> tuple[float, float]:
     """The usual height of the beams of a beam's bay, or of the row's where these are too few, and how much they
-    scatter, m."""
+    scatter, m; where the row's are too few, too, that is a guess."""
     section = [other for other in measured if other.attributes["bay"] == beam.attributes["bay"]]
     heights = np.array([_height(other) for other in (section if len(section) >= LEAST_PROFILES else measured)])
     usual = float(np.median(heights))
-    return usual, max(ALIKE * usual, float(np.std(heights)))
+    scatter = ALIKE if len(heights) >= LEAST_PROFILES else FEW_ALIKE
+    return usual, max(scatter * usual, float(np.std(heights)))
 
 
 def _height(beam: Structure) -> float:

@@ -194,7 +194,12 @@ def constrain(
     Raises StructureError if there is no grid, SiteError if fewer heights or pitches are given than bays were found.
     """
     settings = settings or GridSettings()
-    feet = _feet(tracks, facts) if settings.lowest_beam_bottom_height_m is None else []
+    feet = _feet(tracks, facts)
+    if facts.sees_in_part and not feet and settings.lowest_beam_bottom_height_m is not None:
+        line = "row %s: the camera does not see where the uprights stand: the lowest beam's height is not used"
+        _log.warning(line, facts.name)
+        settings = replace(settings, lowest_beam_bottom_height_m=None)
+    feet = feet if settings.lowest_beam_bottom_height_m is None else []
     tracks = [track for track in tracks if not is_foot(track) and not is_part(track)]
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
