@@ -12,8 +12,8 @@ from savmap.geometry.cameras import Pinhole
 Given = tuple[float, float, float]
 """What is known of a lens: its focal length and the standard deviation of that, pixels, and that of its radial term."""
 
-PIXEL_SIGMA = 0.4
-"""Of a sighting that fits. Outliers count less and less (Cauchy): an edge before another one moves as neither does, and
+SIGMAS_PX = 2.0, 0.4
+"""Of a sighting that fits, at first and in the end. Outliers count less and less (Cauchy): an edge before another one moves as neither does, and
 racks are full of these. By Huber's loss such points bend a path by ten times its error."""
 TURN_SIGMA_DEG, TURN_CAUCHY = 0.3, 2.0
 """Of turns by lines, some of which are wrong."""
@@ -21,7 +21,8 @@ HOLD = 1e-4
 """Of the first place and of the way's length, as a share of that: nothing tells these."""
 FIRST_MOST_PX, MOST_PX = 60.0, 2.0
 """By which a point is off that is left out from the start; by which a sighting is that is not used later."""
-MOST_STEPS, LEAST_GAIN = 20, 1e-4
+MOST_STEPS, LEAST_GAIN, TINY = 20, 1e-4, 1e-6
+LENS = gtsam.symbol("k", 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,48 +51,59 @@ def adjusted(
 ) -> LensPath:
     """Poses world_from_rig (f, 4, 4) whose turns are about right, and points (p, 3), adjusted to sightings: of which
     frame and point (n,), and at which pixels (n, 2) from the principal point. `focal_px`: where to begin."""
-    graph, values, model = gtsam.NonlinearFactorGraph(), gtsam.Values(), gtsam.noiseModel
-    lens = gtsam.symbol("k", 0)
     off = misfits(frame, point, pixels, poses, points, focal_px, 0.0)
     typical = np.array([np.median(some) for some in np.split(off, np.flatnonzero(np.diff(point)) + 1)])
     used = np.flatnonzero(typical < FIRST_MOST_PX)
-    values.insert(lens, gtsam.Cal3Bundler(focal_px, 0.0, 0.0, 0.0, 0.0))
-    focal_given, focal_sigma, radial_sigma = given
-    sigmas = model.Diagonal.Sigmas(np.array([focal_sigma, radial_sigma, 1e-6]))
-    graph.add(gtsam.PriorFactorCal3Bundler(lens, gtsam.Cal3Bundler(focal_given, 0.0, 0.0, 0.0, 0.0), sigmas))
-    noise = model.Robust.Create(model.mEstimator.Cauchy.Create(1.0), model.Isotropic.Sigma(2, PIXEL_SIGMA))
+    held, values = _held(poses, given), gtsam.Values()
+    values.insert(LENS, gtsam.Cal3Bundler(focal_px, 0.0, 0.0, 0.0, 0.0))
     for number in used.tolist():
         values.insert(gtsam.symbol("p", number), points[number])
-    for k in np.flatnonzero(np.isin(point, used)).tolist():
-        keys = gtsam.symbol("x", int(frame[k])), gtsam.symbol("p", int(point[k])), lens
-        graph.add(gtsam.GeneralSFMFactor2Cal3Bundler(pixels[k], noise, *keys))
-    upright = model.Robust.Create(
-        model.mEstimator.Cauchy.Create(TURN_CAUCHY), model.Isotropic.Sigma(3, float(np.radians(TURN_SIGMA_DEG)))
-    )
     for number, pose in enumerate(poses):
-        key = gtsam.symbol("x", number)
-        values.insert(key, gtsam.Pose3(pose))
-        graph.add(gtsam.PoseRotationPrior3D(key, gtsam.Rot3(pose[:3, :3]), upright))
-    first, last = gtsam.symbol("x", 0), gtsam.symbol("x", len(poses) - 1)
-    length = float(np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3]))
-    held = model.Isotropic.Sigma(3, HOLD * length)
-    graph.add(gtsam.PoseTranslationPrior3D(first, gtsam.Pose3(poses[0]), held))
-    graph.add(gtsam.RangeFactorPose3(first, last, length, model.Isotropic.Sigma(1, HOLD * length)))
-    params = gtsam.LevenbergMarquardtParams()
-    params.setMaxIterations(MOST_STEPS)
-    params.setRelativeErrorTol(LEAST_GAIN)
-    result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-    found = result.atCal3Bundler(lens)
+        values.insert(gtsam.symbol("x", number), gtsam.Pose3(pose))
+    sightings = np.flatnonzero(np.isin(point, used)).tolist()
+    keys = [(gtsam.symbol("x", int(frame[k])), gtsam.symbol("p", int(point[k])), LENS) for k in sightings]
+    for sigma_px in SIGMAS_PX:
+        graph = gtsam.NonlinearFactorGraph(held)
+        noise = _robust(1.0, gtsam.noiseModel.Isotropic.Sigma(2, sigma_px))
+        for k, key in zip(sightings, keys, strict=True):
+            graph.add(gtsam.GeneralSFMFactor2Cal3Bundler(pixels[k], noise, *key))
+        params = gtsam.LevenbergMarquardtParams()
+        params.setMaxIterations(MOST_STEPS)
+        params.setRelativeErrorTol(LEAST_GAIN)
+        values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    found = values.atCal3Bundler(LENS)
     try:
-        variance = gtsam.Marginals(graph, result).marginalCovariance(lens)[0, 0]
+        variance = gtsam.Marginals(graph, values).marginalCovariance(LENS)[0, 0]
     except RuntimeError:
-        variance = focal_sigma**2
+        variance = given[1] ** 2
     placed = np.full(points.shape, np.nan)
-    placed[used] = [result.atPoint3(gtsam.symbol("p", number)) for number in used.tolist()]
-    path = np.array([result.atPose3(gtsam.symbol("x", number)).matrix() for number in range(len(poses))])
+    placed[used] = [values.atPoint3(gtsam.symbol("p", number)) for number in used.tolist()]
+    path = np.array([values.atPose3(gtsam.symbol("x", number)).matrix() for number in range(len(poses))])
     off = misfits(frame, point, pixels, path, placed, found.fx(), found.k1())
     camera = Pinhole(1, 1, (found.fx(), found.fx()), (0.0, 0.0), (found.k1(),))
     return LensPath(path, placed, found.fx(), float(np.sqrt(variance)), found.k1(), camera.rays(pixels), off)
+
+
+def _held(poses: Floats, given: Given) -> gtsam.NonlinearFactorGraph:
+    """What is known without points: the lens, how poses (f, 4, 4) are turned; and where and how large all is, which
+    nothing tells."""
+    graph, model = gtsam.NonlinearFactorGraph(), gtsam.noiseModel
+    focal_px, focal_sigma_px, radial_sigma = given
+    sigmas = model.Diagonal.Sigmas(np.array([focal_sigma_px, radial_sigma, TINY]))
+    graph.add(gtsam.PriorFactorCal3Bundler(LENS, gtsam.Cal3Bundler(focal_px, 0.0, 0.0, 0.0, 0.0), sigmas))
+    upright = _robust(TURN_CAUCHY, model.Isotropic.Sigma(3, float(np.radians(TURN_SIGMA_DEG))))
+    for number, pose in enumerate(poses):
+        graph.add(gtsam.PoseRotationPrior3D(gtsam.symbol("x", number), gtsam.Rot3(pose[:3, :3]), upright))
+    first, last = gtsam.symbol("x", 0), gtsam.symbol("x", len(poses) - 1)
+    length = float(np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3]))
+    place = model.Isotropic.Sigma(3, HOLD * length)
+    graph.add(gtsam.PoseTranslationPrior3D(first, gtsam.Pose3(poses[0]), place))
+    graph.add(gtsam.RangeFactorPose3(first, last, length, model.Isotropic.Sigma(1, HOLD * length)))
+    return graph
+
+
+def _robust(scale: float, noise: gtsam.noiseModel.Base) -> gtsam.noiseModel.Robust:
+    return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(scale), noise)
 
 
 def misfits(

@@ -22,8 +22,8 @@ MOST_POINTS, ENOUGH, APART_PX, QUALITY = 600, 0.85, 14, 0.01
 """Points that are followed, and the share of these that lets new ones wait."""
 STEP = 0.05
 """Of its width, by which a picture shifts before the next one is looked at."""
-COARSER, LEAST_RESPONSE = 8, 0.05
-"""Of the pictures whose shift is measured; a weaker response tells none."""
+COARSER, LEAST_RESPONSE, CLEAR = 8, 0.05, 0.7
+"""Of the pictures whose shift is measured; a weaker response tells none, or none by which a picture is passed over."""
 PATCH_PX, MOST_RETURN_PX, BORDER_PX = 21, 0.5, 4
 LEAST_FOLLOWED = 0.3
 """Of the points; where fewer are, features are matched."""
@@ -91,8 +91,8 @@ class LensFollower:
         high = round(WIDTH * picture.shape[0] / picture.shape[1])
         kind = cv2.INTER_CUBIC if picture.shape[1] < WIDTH else cv2.INTER_AREA
         small = cv2.resize(picture, (WIDTH // COARSER, high // COARSER), interpolation=cv2.INTER_AREA).astype(float)
-        shift = self._shift_to(small)
-        if shift is not None and np.hypot(*shift) < STEP * WIDTH:
+        shift, response = self._shift_to(small)
+        if shift is not None and response > CLEAR and np.hypot(*shift) < STEP * WIDTH:
             return
         grey = np.asarray(cv2.resize(picture, (WIDTH, high), interpolation=kind), np.uint8)
         if self._before is not None and len(self._points):
@@ -103,13 +103,14 @@ class LensFollower:
         self._segments.append(self._lines(grey))
         self._before, self._small = grey, small
 
-    def _shift_to(self, small: Floats) -> Floats | None:
-        """By how many pixels (2,) the whole picture shifted since the last one; None where that is not seen."""
+    def _shift_to(self, small: Floats) -> tuple[Floats | None, float]:
+        """By how many pixels (2,) the whole picture shifted since the last one, None where that is not seen; and how
+        clearly."""
         if self._small is None:
-            return None
+            return None, 0.0
         window = cv2.createHanningWindow((small.shape[1], small.shape[0]), cv2.CV_64F)
         move, response = cv2.phaseCorrelate(self._small, small, window)
-        return COARSER * np.array(move) if response > LEAST_RESPONSE else None
+        return (COARSER * np.array(move) if response > LEAST_RESPONSE else None), response
 
     def _move(self, before: Grey, grey: Grey, shift: Floats) -> None:
         points = self._points
