@@ -22,7 +22,7 @@ from savmap.pipeline.drive import RowWalk, drive_along, require_path
 from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.path import warnings_held_back
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.view_plans import PassPlan, preview_of
+from savmap.pipeline.view_plans import PassPlan, looked_at
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
@@ -151,8 +151,9 @@ class PlannedPass:
     def of(cls, job: Job, part: Footage) -> tuple["PlannedPass", PassPreview]:
         """With the pictures that it was chosen by. Raises SavmapError's kinds."""
         begin, request = time.perf_counter(), replace(request_for(job, part.row), passes=(part.row_pass,))
-        shown, attitude = preview_of(part.row_pass.clip, Renderer()), request.attitudes.get(part.name)
-        plugins, plan = with_best_networks(part.name, part.row_pass, request.plugins, shown, attitude)
+        row_pass, shown, walk = looked_at(part.row_pass, Renderer())
+        attitude = request.attitudes.get(part.name)
+        plugins, plan = with_best_networks(part.name, row_pass, request.plugins, shown, attitude, walk)
         return cls(request, plugins, plan, time.perf_counter() - begin), shown
 
 

@@ -15,7 +15,7 @@ from savmap.maps.map_file import write_map
 from savmap.pipeline.drive import RowWalk, drive_along
 from savmap.pipeline.records import RowRequest
 from savmap.pipeline.trust.footage import require_panoramas
-from savmap.pipeline.view_plans import PassPlan, preview_of
+from savmap.pipeline.view_plans import PassPlan, looked_at
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import prepare
 from savmap.site.model import Pass, Side
@@ -76,11 +76,11 @@ def map_plane(video: Path, side: Side, distance_m: float, output: Path, monitor:
 def beside_drive(row_pass: Pass, distance_m: float, monitor: Monitor) -> BesideDrive:
     """The path of a pass, and the plane on its side. Raises as `map_plane` does."""
     renderer = Renderer()
-    preview = preview_of(row_pass.clip, renderer)
+    row_pass, preview, lens_walk = looked_at(row_pass, renderer)
     warnings = require_panoramas(row_pass.clip, preview.keys)
     face = choose_face(preview, lambda spec, panorama: 1.0, row_pass.side)
     views = ViewPlan((tilted(face, 0.0, HFOV_DEG, VIEW),), face.world_from_rig, face.travel)
-    plan = PassPlan("pass 1", row_pass.clip, {VIEW: views}, row_pass.side, warnings)
+    plan = PassPlan("pass 1", row_pass.clip, {VIEW: views}, row_pass.side, warnings, lens_walk)
     request = RowRequest(ROW, (row_pass,), (), References(), strips=True)
     walk = RowWalk((request, (), plan), SegmenterPool(()), renderer, Journal())
     walk.begin(plan.name, row_pass, monitor)

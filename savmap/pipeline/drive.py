@@ -139,8 +139,8 @@ def _planned(
         previews[row_pass.footage] = looked_at(row_pass, renderer)
     told, preview, walk = previews[row_pass.footage]
     row_pass = row_pass.model_copy(update={"camera": told.camera})
-    plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name))
-    return row, plugins, replace(plan, walk=walk)
+    plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name), walk)
+    return row, plugins, plan
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:

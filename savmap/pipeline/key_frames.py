@@ -2,11 +2,12 @@
 face. Frames between show much the same, errors included."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from savmap.types import Floats
-from savmap.vision.odometry import Followed, Odometry
+from savmap.vision.odometry import Followed
 
 SHARE = 0.2
 """Of its distance from the face, by which the camera moves on from one key frame to the next. What stands off the face
@@ -16,6 +17,18 @@ AROUND_DEG, FRONT = 40.0, 0.15
 PARALLAX_RAD = 0.1
 """By which the points move, where the path is not known."""
 LEAST_POINTS = 8
+
+
+class Placed(Protocol):
+    """Where the latest frame of a drive is, as odometry tells: its pose world_from_rig (4, 4), or None; the part of
+    the path it belongs to; and the places (n, 3) of the points that are seen there."""
+
+    @property
+    def pose(self) -> Floats | None: ...
+    @property
+    def part(self) -> int: ...
+    @property
+    def places(self) -> Floats: ...
 
 
 class KeyFrames:
@@ -28,7 +41,7 @@ class KeyFrames:
         self._pose: Floats | None = None
         self._part = -1
 
-    def is_key(self, followed: Followed, odometry: Odometry) -> bool:
+    def is_key(self, followed: Followed, odometry: Placed) -> bool:
         """Whether the latest frame of the odometry is one; `followed`: the points that were followed to it."""
         passed_over = not len(followed.numbers)
         if passed_over or (self._followed is not None and not self._moved_on(self._followed, followed, odometry)):
@@ -36,7 +49,7 @@ class KeyFrames:
         self._followed, self._pose, self._part = followed, odometry.pose, odometry.part
         return True
 
-    def _moved_on(self, last: Followed, followed: Followed, odometry: Odometry) -> bool:
+    def _moved_on(self, last: Followed, followed: Followed, odometry: Placed) -> bool:
         pose, places = odometry.pose, odometry.places
         if self._pose is None or pose is None or odometry.part != self._part or len(places) < LEAST_POINTS:
             return _shift(last, followed) > PARALLAX_RAD

@@ -205,7 +205,9 @@ def _settled(tracks: LensTracks, lens: Pinhole, sigma: float, radial_sigma: floa
         world_from_rig, seen = turns(tracks, lens), chosen(tracks, lens)
         start, points = first_path(seen, world_from_rig, 1 / lens.resolution)
         pixels = seen.at * lens.resolution
-        path = adjusted(seen.frame, seen.point, pixels, start, points, lens.resolution, (given, sigma * given, radial_sigma))
+        path = adjusted(
+            seen.frame, seen.point, pixels, start, points, lens.resolution, (given, sigma * given, radial_sigma)
+        )
         if abs(path.focal_px / lens.resolution - 1) < SETTLED:
             break
         lens = replace(lens, focal_px=(path.focal_px, path.focal_px))
@@ -217,7 +219,9 @@ def _of_width(lens: Pinhole, width: int) -> Pinhole:
     scale = width / lens.width
     (fx, fy), (x, y) = lens.focal_px, lens.centre_px
     centre = (x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5
-    return replace(lens, width=width, height=round(lens.height * scale), focal_px=(fx * scale, fy * scale), centre_px=centre)
+    return replace(
+        lens, width=width, height=round(lens.height * scale), focal_px=(fx * scale, fy * scale), centre_px=centre
+    )
 
 
 def with_lens(row_pass: Pass, walk: LensWalk) -> Pass:

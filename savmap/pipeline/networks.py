@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from savmap.errors import StructureError
+from savmap.pipeline.lens_walks import LensWalk
 from savmap.pipeline.trust.footage import require_panoramas
-from savmap.pipeline.view_plans import PassPlan, face_first, plan_views, preview_of
+from savmap.pipeline.view_plans import PassPlan, face_first, looked_at, plan_views
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.model import Pass
@@ -39,11 +40,16 @@ def further_models(plugin: LoadedPlugin) -> tuple[Path, ...]:
 
 
 def with_best_networks(
-    name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], preview: PassPreview, attitude: Floats | None
+    name: str,
+    row_pass: Pass,
+    plugins: Sequence[LoadedPlugin],
+    preview: PassPreview,
+    attitude: Floats | None,
+    walk: LensWalk | None = None,
 ) -> tuple[Sequence[LoadedPlugin], PassPlan]:
     """The plugins with the networks that see most in a pass, the first, and the views that they want of it, asked in
     the order of `face_first`. The attitude that one finds is given to those after it (`attitude`: world_from_rig (3, 3)
-    of the first frame, where it is known).
+    of the first frame, where it is known; `walk`: of an ordinary lens).
 
     Raises StructureError where a plugin finds no structure with any of its networks, VideoError where the pictures are
     no panoramas.
@@ -56,7 +62,8 @@ def with_best_networks(
         )
         attitude = chosen[plugin.name][1].world_from_rig if attitude is None else attitude
     plans = {plugin.name: chosen[plugin.name][1] for plugin in plugins}
-    return [chosen[plugin.name][0] for plugin in plugins], PassPlan(name, row_pass.clip, plans, row_pass.side, warnings)
+    plan = PassPlan(name, row_pass.clip, plans, row_pass.side, warnings, walk)
+    return [chosen[plugin.name][0] for plugin in plugins], plan
 
 
 def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> LoadedPlugin:
@@ -64,7 +71,8 @@ def best_for_pass(row_pass: Pass, plugin: LoadedPlugin, renderer: Renderer) -> L
     of its networks."""
     if not further_models(plugin):
         return plugin
-    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], preview_of(row_pass.clip, renderer), None)
+    row_pass, preview, walk = looked_at(row_pass, renderer)
+    (chosen,), _ = with_best_networks("pass 1", row_pass, [plugin], preview, None, walk)
     return chosen
 
 

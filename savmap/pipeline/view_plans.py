@@ -99,15 +99,10 @@ def looked_at(row_pass: Pass, renderer: Renderer) -> tuple[Pass, PassPreview, Le
     walk. Raises VideoError, StructureError."""
     walk = lens_walk(row_pass)
     if walk is None:
-        return row_pass, preview_of(row_pass.clip, renderer), None
+        return row_pass, PassPreview.of_frames(*preview_frames(row_pass.clip), renderer=renderer), None
     row_pass = with_lens(row_pass, walk)
     keys, pairs = preview_frames(row_pass.clip)
     return row_pass, PassPreview(keys, pairs, renderer, walk.world_from_rig_usual.T, walk.travel), walk
-
-
-def preview_of(clip: Clip, renderer: Renderer) -> PassPreview:
-    """What views are chosen by."""
-    return PassPreview.of_frames(*preview_frames(clip), renderer=renderer)
 
 
 def plan_views(

@@ -20,6 +20,8 @@ FINER, MOST_HEIGHT, STEP = 1.2, 4096, 64
 COARSE = 8
 ROOM = 2
 UNSEEN_COLOUR = 128
+ALL = 0.98
+"""Of a panorama: a camera that sees so much of it sees all around."""
 
 
 class Laid:
@@ -40,11 +42,12 @@ class Laid:
         return Planes(luma, blue, red, picture.rgb_from_yuv)
 
     @cached_property
-    def seen(self) -> NDArray[np.uint8]:
-        """The part (height, 2 height) of the panorama that the camera sees: 255, else 0."""
+    def seen(self) -> NDArray[np.uint8] | None:
+        """The part (height, 2 height) of the panorama that the camera sees: 255, else 0; None where it sees nearly
+        all."""
         shown = self._of(np.full((self._camera.height, self._camera.width), 255, np.uint8), self._fine, 0)
         shown[shown < 255] = 0
-        return shown
+        return shown if np.mean(shown == 255) < ALL else None
 
     @cached_property
     def _region(self) -> tuple[slice, slice]:

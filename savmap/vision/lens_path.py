@@ -70,7 +70,7 @@ def parts(tracks: LensTracks) -> Ints:
     _, _, links = _chosen(tracks)
     part = np.cumsum(np.append(False, links[1:] < LEAST_LINKS))
     order = np.argsort(-np.bincount(part), kind="stable")
-    return np.argsort(order)[part]
+    return np.asarray(np.argsort(order)[part])
 
 
 def chosen(tracks: LensTracks, camera: Pinhole) -> Sightings:
@@ -136,7 +136,7 @@ def _system(seen: Sightings, slope: Floats, usable: Bools, pixel: float) -> tupl
         x = x + y * (1 - mean @ x) / (mean @ y)
         places, points = x[: 3 * count].reshape(-1, 3), x[3 * count :].reshape(-1, 3)
         depth = np.maximum(places[frame, 2] - points[point, 2], LEAST_DEPTH)
-        error = np.linalg.norm((equations @ x).reshape(-1, 2), axis=1) / depth
+        error = np.linalg.norm(np.asarray(equations @ x).reshape(-1, 2), axis=1) / depth
         scale = max(1.5 * float(np.median(error)), 0.5 * pixel)
         weight = np.repeat(1 / (1 + (error / scale) ** 2) / depth**2, 2)
     return points, places

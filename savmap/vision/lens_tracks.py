@@ -7,8 +7,8 @@ features (Lowe 2004). Pictures that show nearly the same as the one before are p
 copy of copies, and a path's scale runs away with their number.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -80,7 +80,7 @@ class LensFollower:
             np.array(self._frames, np.int64),
             np.repeat(np.arange(len(counts)), counts),
             np.concatenate([numbers for numbers, _ in self._seen] or [np.zeros(0, np.int64)]),
-            np.concatenate([pixels for _, pixels in self._seen] or [np.zeros((0, 2))]).astype(np.float64),
+            np.concatenate([pixels for _, pixels in self._seen] or [np.zeros((0, 2), np.float32)]).astype(np.float64),
             tuple(self._segments),
             (wide, high),
         )
@@ -117,11 +117,11 @@ class LensFollower:
         led = np.where(np.isnan(self._flow), shift, self._flow + shift - self._shift)[:, None]
         there, good = followed(before, grey, points, points + led)
         if good.sum() < LEAST_FOLLOWED * len(points) and (lead := matched(before, grey)) is not None:
-            second = followed(before, grey, points, cv2.perspectiveTransform(points, lead))
+            second = followed(before, grey, points, np.asarray(cv2.perspectiveTransform(points, lead)))
             if second[1].sum() > good.sum():
                 there, good = second
-                middle = np.float32([[[grey.shape[1] / 2, grey.shape[0] / 2]]])
-                shift = (cv2.perspectiveTransform(middle, lead) - middle)[0, 0]
+                middle = np.array([[[grey.shape[1] / 2, grey.shape[0] / 2]]])
+                shift = np.asarray(cv2.perspectiveTransform(middle, lead), np.float64)[0, 0] - middle[0, 0]
         self._flow, self._points, self._numbers = (there - points)[good, 0], there[good], self._numbers[good]
         self._shift = shift
 
@@ -148,7 +148,7 @@ class LensFollower:
         return np.asarray((lines[long] + 0.5) / scale - 0.5)
 
 
-def followed(before: Grey, grey: Grey, points: Pixels, guess: NDArray[np.floating]) -> tuple[Pixels, Bools]:
+def followed(before: Grey, grey: Grey, points: Pixels, guess: NDArray[Any]) -> tuple[Pixels, Bools]:
     """Where points (n, 1, 2) of one picture are in the next, near a guess, and which (n,) were tracked there and
     back."""
     options = {
@@ -170,7 +170,7 @@ def followed(before: Grey, grey: Grey, points: Pixels, guess: NDArray[np.floatin
 
 def matched(before: Grey, grey: Grey) -> Floats | None:
     """The homography (3, 3) that most features of two pictures agree with; None where too few are alike."""
-    sift = cv2.SIFT_create(FEATURES)
+    sift = cv2.SIFT.create(FEATURES)
     (first, first_told), (second, second_told) = (sift.detectAndCompute(picture, None) for picture in (before, grey))
     if first_told is None or second_told is None or len(second) < 2:
         return None
@@ -178,6 +178,7 @@ def matched(before: Grey, grey: Grey) -> Floats | None:
     pairs = [best for best, other in nearest if best.distance < RATIO * other.distance]
     if len(pairs) < LEAST_MATCHES:
         return None
-    a = np.float32([first[pair.queryIdx].pt for pair in pairs])
-    b = np.float32([second[pair.trainIdx].pt for pair in pairs])
-    return cv2.findHomography(a, b, cv2.RANSAC, AGREES_PX)[0]
+    a = np.array([first[pair.queryIdx].pt for pair in pairs], np.float32)
+    b = np.array([second[pair.trainIdx].pt for pair in pairs], np.float32)
+    homography = cv2.findHomography(a, b, cv2.RANSAC, AGREES_PX)[0]
+    return None if homography is None else np.asarray(homography, np.float64)

@@ -275,7 +275,8 @@ def aimed(name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], *_: object
 def without_networks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Views are chosen without a look at pictures."""
     keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
-    monkeypatch.setattr(checking, "preview_of", lambda *_: PassPreview(keys, (), Renderer(), np.eye(3)))
+    preview = PassPreview(keys, (), Renderer(), np.eye(3))
+    monkeypatch.setattr(checking, "looked_at", lambda row_pass, _: (row_pass, preview, None))
     monkeypatch.setattr(checking, "with_best_networks", aimed)
 
 

@@ -296,7 +296,7 @@ def test_two_rows_of_a_drive_see_every_frame_once(aimed: PassPlan, monkeypatch: 
 
     first: list[str] = []
     monkeypatch.setattr(drive, "with_best_networks", chosen)
-    monkeypatch.setattr(drive, "preview_of", lambda *_: None)
+    monkeypatch.setattr(drive, "looked_at", lambda row_pass, _: (row_pass, None, None))
     rooms = [room(name, lambda view, detections: []) for name in ("one", "two", "three")]
     row_pass = Pass(video=aimed.clip.path)
     requests = [RowRequest(name, (row_pass,), rooms, References()) for name in "AB"]

@@ -7,7 +7,16 @@ import numpy as np
 from savmap.errors import SolveError, StructureError
 from savmap.geometry.poses import rotations_at
 from savmap.graph.initial.linear import linear_positions
-from savmap.graph.initial.observability import IDENTITY, PLACE_Y, Similarity, assume_missing, assumptions, fit, lowest, require_metric
+from savmap.graph.initial.observability import (
+    IDENTITY,
+    PLACE_Y,
+    Similarity,
+    assume_missing,
+    assumptions,
+    fit,
+    lowest,
+    require_metric,
+)
 from savmap.graph.initial.outlier_references import (
     OutlierReference,
     consistent_alternatives,

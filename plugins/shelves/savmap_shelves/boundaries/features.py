@@ -130,9 +130,7 @@ def _apparent_height(strips: Strips, extraction: Extraction) -> float:
     return float(np.clip(float(strips.length.max(initial=0.0)) / FITTED, LOWEST * height, height))
 
 
-def _beams(
-    extraction: Extraction, detections: Sequence[Detection], separators: Separators, outlined: bool
-) -> Strips:
+def _beams(extraction: Extraction, detections: Sequence[Detection], separators: Separators, outlined: bool) -> Strips:
     """The beams' strips; of `outlined` ones, which are known, those too of which the picture's border cuts an edge."""
     runs, part, probability = _class_runs(extraction, detections, "beam")
     cell = _cells(runs, separators.strips)
