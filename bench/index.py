@@ -89,6 +89,11 @@ BENCHES: Mapping[str, Bench] = {
         10,
         {"good %": "more", "median %": "less", "95 of 100 %": "less", "worst %": "less", "lost": "less"},
     ),
+    "real": Bench(
+        "(needs clips) Are real racks mapped from a phone's walk: equal bays, every post and beam, at what cost?",
+        3,
+        {"posts": "more", "beams": "more", "spread %": "less", "inner %": "less", "refused": "less"},
+    ),
     "face-edges": Bench(
         "Are the faces beside a drive and their posts found by straight edges alone, with no network?",
         16,

@@ -26,6 +26,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, islice, zip_longest
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -56,6 +57,7 @@ STILL = 0.1
 """Steps shorter than this share of the usual one are not compared."""
 PEERS_OVERLAP = 10
 Cells = Mapping[str, float]
+Given, Answer = TypeVar("Given"), TypeVar("Answer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +119,8 @@ def peers(video: Path, every: int) -> Walk:
     return Walk(numbers, np.array([places[k] for k in numbers]).reshape(-1, 3), total - len(places), seconds)
 
 
-def alone(method: Callable[[Path, int], Walk], video: Path, every: int) -> Walk:
-    """A method's path, in a process of its own with one thread."""
+def alone(method: Callable[[Path, Given], Answer], video: Path, every: Given) -> Answer:
+    """What a method gives, a path, in a process of its own with one thread."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), one_thread) as pool:
         return pool.submit(method, video, every).result()
 

@@ -13,8 +13,8 @@ Given = tuple[float, float, float]
 """What is known of a lens: its focal length and the standard deviation of that, pixels, and that of its radial term."""
 
 SIGMAS_PX = 2.0, 0.4
-"""Of a sighting that fits, at first and in the end. Outliers count less and less (Cauchy): an edge before another one moves as neither does, and
-racks are full of these. By Huber's loss such points bend a path by ten times its error."""
+"""Of a sighting that fits, at first and in the end. Outliers count less and less (Cauchy): an edge before another one
+moves as neither does, and faces are full of these. By Huber's loss such points bend a path by ten times its error."""
 TURN_SIGMA_DEG, TURN_CAUCHY = 0.3, 2.0
 """Of turns by lines, some of which are wrong."""
 HOLD = 1e-4
@@ -71,7 +71,7 @@ def adjusted(
         params.setMaxIterations(MOST_STEPS)
         params.setRelativeErrorTol(LEAST_GAIN)
         values = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-    found = values.atCal3Bundler(LENS)
+    camera = values.atCal3Bundler(LENS)
     try:
         variance = gtsam.Marginals(graph, values).marginalCovariance(LENS)[0, 0]
     except RuntimeError:
@@ -79,9 +79,9 @@ def adjusted(
     placed = np.full(points.shape, np.nan)
     placed[used] = [values.atPoint3(gtsam.symbol("p", number)) for number in used.tolist()]
     path = np.array([values.atPose3(gtsam.symbol("x", number)).matrix() for number in range(len(poses))])
-    off = misfits(frame, point, pixels, path, placed, found.fx(), found.k1())
-    camera = Pinhole(1, 1, (found.fx(), found.fx()), (0.0, 0.0), (found.k1(),))
-    return LensPath(path, placed, found.fx(), float(np.sqrt(variance)), found.k1(), camera.rays(pixels), off)
+    off = misfits(frame, point, pixels, path, placed, camera.fx(), camera.k1())
+    rays = Pinhole(1, 1, (camera.fx(), camera.fx()), (0.0, 0.0), (camera.k1(),)).rays(pixels)
+    return LensPath(path, placed, camera.fx(), float(np.sqrt(variance)), camera.k1(), rays, off)
 
 
 def _held(poses: Floats, given: Given) -> gtsam.NonlinearFactorGraph:
@@ -113,5 +113,5 @@ def misfits(
     turned = np.einsum("nji,nj->ni", poses[frame, :3, :3], points[point] - poses[frame, :3, 3])
     with np.errstate(divide="ignore", invalid="ignore"):
         at = turned[:, :2] / turned[:, 2:]
-        there = focal_px * at * (1 + radial * (at**2).sum(axis=1, keepdims=True))
-    return np.where(turned[:, 2] > 0, np.linalg.norm(there - pixels, axis=1), np.inf)
+        projected = focal_px * at * (1 + radial * (at**2).sum(axis=1, keepdims=True))
+    return np.where(turned[:, 2] > 0, np.linalg.norm(projected - pixels, axis=1), np.inf)

@@ -49,8 +49,8 @@ def previews(
     """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written.
     `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
-        (told, pass_preview, walk), path = looked_at(row_pass, Renderer()), folder / picture_name(row, name)
-        _, plan = with_best_networks(name, told, plugins, pass_preview, attitudes.get(name), walk)
+        (row_pass, pass_preview, walk), path = looked_at(row_pass, Renderer()), folder / picture_name(row, name)
+        _, plan = with_best_networks(name, row_pass, plugins, pass_preview, attitudes.get(name), walk)
         write_views(path, plan, pass_preview)
         yield path
 

@@ -137,8 +137,8 @@ def _planned(
     monitor.note(f"row {row.name}, {name}: choosing the views")
     if row_pass.footage not in previews:
         previews[row_pass.footage] = looked_at(row_pass, renderer)
-    told, preview, walk = previews[row_pass.footage]
-    row_pass = row_pass.model_copy(update={"camera": told.camera})
+    with_camera, preview, walk = previews[row_pass.footage]
+    row_pass = row_pass.model_copy(update={"camera": with_camera.camera})
     plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name), walk)
     return row, plugins, plan
 

@@ -34,14 +34,14 @@ LEAST_PICTURES = 5
 @dataclass(frozen=True, eq=False)
 @array_record
 class LensWalk:
-    """What is known of a pass of an ordinary lens: the lens, as it was `given`, and the standard deviation of its focal
-    length, as a share; the frames of the clip that were looked at (f,), to which part each belongs, the longest is 0 (f,), and its
-    poses world_from_rig (f, 4, 4): x along the face, y up, z out of it, in an unknown scale; what was seen there:
-    points (n,) by frame (n,), their rays (n, 3) in the rig frame; where these points are (p, 3); and the middle one
+    """What is known of a pass of an ordinary lens: the lens, as it was `given`, None where it was not, and the standard deviation of its focal
+    length, as a share; the frames of the clip that were looked at (f,), to which part each belongs, the longest is 0
+    (f,), and its poses world_from_rig (f, 4, 4): x along the face, y up, z out of it, in an unknown scale; what was
+    seen there: points (n,) by frame (n,), their rays (n, 3) in the rig frame; where these points are (p, 3); and the middle one
     of the pixels by which the sightings are off, in pictures so wide that points are followed in."""
 
     camera: Pinhole
-    given: Pinhole
+    given: Pinhole | None
     focal_sigma: float
     frames: Ints
     part: Ints
@@ -77,24 +77,20 @@ class LensWalk:
         return int(np.sign(along[-1] - along[0]))
 
     @property
-    def _off(self) -> float:
-        """By which share the focal length is another than was given."""
-        return self.camera.resolution / self.given.resolution - 1
-
-    @property
     def lens_line(self) -> str:
         """What the pictures tell of the lens."""
         sigma = self.camera.hfov_deg * (1 - 1 / (1 + self.focal_sigma))
-        found = f"field of view {self.camera.hfov_deg:.1f} +- {sigma:.1f} degrees by the pictures"
-        return f"{found}, {self.given.hfov_deg:.1f} was taken for it"
+        field = f"field of view {self.camera.hfov_deg:.1f} +- {sigma:.1f} degrees by the pictures"
+        return field if self.given is None else f"{field}, {self.given.hfov_deg:.1f} were given"
 
     @property
     def warnings(self) -> tuple[MapWarning, ...]:
         """What speaks against the lens that was given."""
-        if abs(self._off) < max(LEAST_OFF, CLEARLY * self.focal_sigma):
+        off = 0.0 if self.given is None else abs(self.camera.resolution / self.given.resolution - 1)
+        if off < max(LEAST_OFF, CLEARLY * self.focal_sigma):
             return ()
         line = f"{self.lens_line}: give that, or a calibration"
-        return (MapWarning("bad-panorama", figure=f"{100 * abs(self._off):.0f} % off", details=(line,)),)
+        return (MapWarning("bad-panorama", figure=f"{100 * off:.0f} % off", details=(line,)),)
 
     @property
     def world_from_rig_usual(self) -> Floats:
@@ -177,14 +173,14 @@ def lens_walk(row_pass: Pass) -> LensWalk | None:
         )
     calibrated = section.calibration is not None
     sigma = CALIBRATED if calibrated else GIVEN_SIGMA if section.hfov_deg else USUAL_SIGMA
-    seen, path = _settled(tracks, _of_width(lens, tracks.size[0]), sigma, CALIBRATED if calibrated else RADIAL_SIGMA)
+    seen, path = settled(tracks, _of_width(lens, tracks.size[0]), sigma, CALIBRATED if calibrated else RADIAL_SIGMA)
     poses = np.tile(np.eye(4), (len(part), 1, 1))
     poses[part == 0] = path.world_from_rig
     fits = path.fits
     focal = path.focal_px * info.width / tracks.size[0]
     return LensWalk(
         camera=lens if calibrated else replace(lens, focal_px=(focal, focal), distortion=(path.radial,)),
-        given=lens,
+        given=lens if calibrated or section.hfov_deg else None,
         focal_sigma=path.focal_sigma_px / path.focal_px,
         frames=every.frames,
         part=part,
@@ -197,7 +193,7 @@ def lens_walk(row_pass: Pass) -> LensWalk | None:
     )
 
 
-def _settled(tracks: LensTracks, lens: Pinhole, sigma: float, radial_sigma: float) -> tuple[Sightings, LensPath]:
+def settled(tracks: LensTracks, lens: Pinhole, sigma: float, radial_sigma: float) -> tuple[Sightings, LensPath]:
     """The path, and the sightings that it was found by. Where the focal length turns out another one, lines are looked
     at once more."""
     given = lens.resolution

@@ -72,7 +72,8 @@ class RowMeasurements:
     up to scale. `depths`: how deep flat parts of structures lie. `floor`: points of the floor. `skipped`: how many
     frames the decoder left out, as the notes say. `tones`: by frame and plugin, where it looked, which shares of its
     views are dark, and overexposed. `walked`: the poses of frames by odometry, those of each pass in a frame of its
-    own, in the unit of the face's distance; `levelled`: the passes whose poses there are turned as the row's frame is."""
+    own, in the unit of the face's distance; `levelled`: the passes whose poses there are turned as the row's frame
+    is."""
 
     facts: RowFacts
     features: Mapping[str, Sequence[Feature]]

@@ -75,7 +75,9 @@ def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
 
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
     """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do
-    so."""
+    so. A row that its camera sees in part needs none: it has a unit of its own."""
+    if any(row_pass.clip.camera is not None for row_pass in site.rows[row].passes):
+        return True
     given = site.row_references(row)
     settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
     return settings or bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)

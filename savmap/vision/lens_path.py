@@ -49,10 +49,10 @@ def turns(tracks: LensTracks, camera: Pinhole) -> Floats:
     StructureError where they show no such directions."""
     ends = [(camera.rays(lines[:, :2]), camera.rays(lines[:, 2:])) for lines in tracks.segments]
     a, b = (np.concatenate([pair[side] for pair in ends[:FIRST_PICTURES]] or [np.zeros((0, 3))]) for side in (0, 1))
-    found = manhattan_from_segments(a, b)
-    if found is None:
-        raise StructureError("too few straight edges are seen: is a rack in view?")
-    axes, last = list[Floats](), found.rig_from_manhattan
+    first = manhattan_from_segments(a, b)
+    if first is None:
+        raise StructureError("too few straight edges are seen in the first pictures: is the face in view?")
+    axes, last = list[Floats](), first.rig_from_manhattan
     for pair in ends:
         if len(pair[0]) >= LEAST_SEGMENTS and (frame := manhattan_from_segments(*pair, last)) is not None:
             last = frame.rig_from_manhattan
@@ -117,11 +117,11 @@ def _system(seen: Sightings, slope: Floats, usable: Bools, pixel: float) -> tupl
     all would shrink to nothing."""
     frame, point, slope = seen.frame[usable], seen.point[usable], slope[usable].ravel()
     count = seen.frames
-    row, one = np.arange(len(slope)), np.ones(len(slope))
+    row, ones = np.arange(len(slope)), np.ones(len(slope))
     of_camera, of_point = 3 * np.repeat(frame, 2), 3 * (count + np.repeat(point, 2))
     axis = np.tile([0, 1], len(frame))
     columns = np.stack([of_point + axis, of_point + 2, of_camera + axis, of_camera + 2], axis=1)
-    values = np.stack([one, slope, -one, -slope], axis=1)
+    values = np.stack([ones, slope, -ones, -slope], axis=1)
     shape = len(slope), 3 * (count + seen.points)
     equations = sparse.csr_matrix((values.ravel(), (np.repeat(row, 4), columns.ravel())), shape)
     of_cameras = np.tile([1e-9, 1e-9, DISTANCE_PRIOR * pixel**2], count)
@@ -129,7 +129,7 @@ def _system(seen: Sightings, slope: Floats, usable: Bools, pixel: float) -> tupl
     prior[:2] = FIRST_PRIOR
     target = np.zeros(len(prior))
     target[3 * count + 2 :: 3] = -1.0
-    mean, weight = target / max(seen.points, 1), one
+    mean, weight = target / max(seen.points, 1), ones
     for _ in range(ROUNDS):
         solve = splu((equations.T @ sparse.diags(weight) @ equations + sparse.diags(prior)).tocsc()).solve
         x, y = solve(prior * target), solve(mean)

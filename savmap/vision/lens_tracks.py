@@ -115,14 +115,14 @@ class LensFollower:
     def _move(self, before: Grey, grey: Grey, shift: Floats) -> None:
         points = self._points
         led = np.where(np.isnan(self._flow), shift, self._flow + shift - self._shift)[:, None]
-        there, good = followed(before, grey, points, points + led)
+        moved, good = followed(before, grey, points, points + led)
         if good.sum() < LEAST_FOLLOWED * len(points) and (lead := matched(before, grey)) is not None:
             second = followed(before, grey, points, np.asarray(cv2.perspectiveTransform(points, lead)))
             if second[1].sum() > good.sum():
-                there, good = second
+                moved, good = second
                 middle = np.array([[[grey.shape[1] / 2, grey.shape[0] / 2]]])
                 shift = np.asarray(cv2.perspectiveTransform(middle, lead), np.float64)[0, 0] - middle[0, 0]
-        self._flow, self._points, self._numbers = (there - points)[good, 0], there[good], self._numbers[good]
+        self._flow, self._points, self._numbers = (moved - points)[good, 0], moved[good], self._numbers[good]
         self._shift = shift
 
     def _begin(self, grey: Grey) -> None:
@@ -142,8 +142,8 @@ class LensFollower:
     def _lines(self, grey: Grey) -> Floats:
         scale = LINES_WIDTH / grey.shape[1]
         small = cv2.resize(grey, (LINES_WIDTH, round(scale * grey.shape[0])), interpolation=cv2.INTER_AREA)
-        found = self._detector.detect(small)[0]
-        lines = np.zeros((0, 4)) if found is None else np.asarray(found, np.float64).reshape(-1, 4)
+        detected = self._detector.detect(small)[0]
+        lines = np.zeros((0, 4)) if detected is None else np.asarray(detected, np.float64).reshape(-1, 4)
         long = np.hypot(lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]) > SHORTEST * LINES_WIDTH
         return np.asarray((lines[long] + 0.5) / scale - 0.5)
 
@@ -156,16 +156,16 @@ def followed(before: Grey, grey: Grey, points: Pixels, guess: NDArray[Any]) -> t
         "criteria": (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.03),
         "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
     }
-    there, ok, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
+    moved, ok, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
         before, grey, points, guess.astype(np.float32), maxLevel=3, **options
     )
     back, ok_back, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]
-        grey, before, there, points.copy(), maxLevel=1, **options
+        grey, before, moved, points.copy(), maxLevel=1, **options
     )
     size = np.array(grey.shape[::-1])
-    inside = ((there[:, 0] > BORDER_PX - 1) & (there[:, 0] < size - BORDER_PX)).all(axis=1)
+    inside = ((moved[:, 0] > BORDER_PX - 1) & (moved[:, 0] < size - BORDER_PX)).all(axis=1)
     returned = np.linalg.norm(back - points, axis=2)[:, 0] < MOST_RETURN_PX
-    return there, np.asarray((ok[:, 0] == 1) & (ok_back[:, 0] == 1) & returned & inside)
+    return moved, np.asarray((ok[:, 0] == 1) & (ok_back[:, 0] == 1) & returned & inside)
 
 
 def matched(before: Grey, grey: Grey) -> Floats | None:

@@ -134,7 +134,8 @@ def _rows(problem: Problem, plan: Layout, forms: Floats, poses: Floats) -> csc_m
 
 
 def _soft(problem: Problem, plan: Layout, poses: Floats, initial: Floats) -> Iterator[Equation]:
-    """Smooth motion, or as it was walked; the extent of a path without a face plane; a faint pull of every coordinate to its start."""
+    """Smooth motion, or as it was walked; the extent of a path without a face plane; a faint pull of every coordinate
+    to its start."""
     for slots, value in _faint(plan, initial):
         yield [(slots, SOFT)], SOFT * value
     if not plan.cameras:

@@ -133,7 +133,7 @@ def assume_missing(problem: Problem, cameras: Floats, points: Floats) -> Problem
 def assumptions(problem: Problem) -> tuple[str, ...]:
     """What to tell the user of what was assumed for want of references."""
     return tuple(
-        "nothing gives the scale: the map is in units of its own (of a rack, one bay is 1), not in metres; give a length"
+        "nothing gives the scale: the map is in units of its own, not in metres; give a length"
         if what == SCALE
         else f"nothing gives the {what}: it is 0 at the lowest edge that was measured"
         for what in problem.assumed

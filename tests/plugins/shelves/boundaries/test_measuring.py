@@ -105,7 +105,7 @@ def test_the_faces_axes_follow_from_the_edges() -> None:
     camera = TURNED.camera
     truth = pinhole.rig_from_view(camera.yaw, camera.pitch, camera.roll).T
     spec: ViewSpec = camera.spec
-    axes = _face_axes(spec, uprights, _beams(extraction, TURNED.detections(), separators))
+    axes = _face_axes(spec, uprights, _beams(extraction, TURNED.detections(), separators, True))
     assert np.abs(axes - truth).max() < 0.01
     none = uprights[np.zeros(len(uprights), dtype=np.bool_)]
     assert np.allclose(_face_axes(spec, none, none), np.eye(3))
@@ -113,7 +113,7 @@ def test_the_faces_axes_follow_from_the_edges() -> None:
 
 def test_two_edges_that_are_measured_at_one_line_are_not_both_that_line() -> None:
     extraction = Extraction(FACING.view, BoundarySettings(), 0.3)
-    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()))
+    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()), True)
     for line, both in ((beams.lower, "lower"), (beams.upper, "upper")):
         found = _with_edges(beams, line.joined(line))
         assert found.thickness == pytest.approx(beams.thickness), both
@@ -123,7 +123,7 @@ def test_two_edges_that_are_measured_at_one_line_are_not_both_that_line() -> Non
 
 def test_a_beam_that_goods_hide_in_part_has_the_one_line_that_is_seen() -> None:
     extraction = Extraction(FACING.view, BoundarySettings(), 0.3)
-    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()))
+    beams = _beams(extraction, FACING.detections(), _separators(extraction, FACING.detections()), True)
     hidden = np.arange(len(beams)) == 0
     shift = np.where(hidden, 0.7 * beams.thickness, 0.0)
     masks = replace(beams, upper=replace(beams.upper, offset=beams.upper.offset + shift))
