@@ -57,7 +57,8 @@ STILL = 0.1
 """Steps shorter than this share of the usual one are not compared."""
 PEERS_OVERLAP = 10
 Cells = Mapping[str, float]
-Given, Answer = TypeVar("Given"), TypeVar("Answer")
+Given = TypeVar("Given")
+Answer = TypeVar("Answer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +120,10 @@ def peers(video: Path, every: int) -> Walk:
     return Walk(numbers, np.array([places[k] for k in numbers]).reshape(-1, 3), total - len(places), seconds)
 
 
-def alone(method: Callable[[Path, Given], Answer], video: Path, every: Given) -> Answer:
+def alone(method: Callable[[Path, Given], Answer], video: Path, given: Given) -> Answer:
     """What a method gives, a path, in a process of its own with one thread."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), one_thread) as pool:
-        return pool.submit(method, video, every).result()
+        return pool.submit(method, video, given).result()
 
 
 def one_thread() -> None:

@@ -161,7 +161,7 @@ def drive_along(clip: Clip, rows: "Sequence[RowWalk]", renderer: Renderer, monit
         try:
             total = expected_frames(clip, probe_clip(clip))
             known_s = drive.resume()
-            with prefetch(panoramas(clip, 0, report, known_s), 1) as frames:
+            with prefetch(panoramas(clip, 0, report, known_s, drive.wanted), 1) as frames:
                 for panorama in monitor.each(frames, text, total - len(known_s)):
                     drive.add(panorama)
                     if not drive.rows:
@@ -206,6 +206,15 @@ class Drive:
     def rows(self) -> "list[RowWalk]":
         """The walks that still go on."""
         return without_failed(self._all)
+
+    @property
+    def wanted(self) -> set[int] | None:
+        """The numbers of the frames that will be measured in, where a walk tells them beforehand; else None."""
+        walk = self._all[0].plan.walk
+        if walk is None or any(row.request.path_s is not None for row in self._all):
+            return None
+        way = Way([row.towards for row in self._all], LensWay(walk))
+        return {frame for frame in range(int(walk.frames[-1]) + 1) if way.take(walk.followed(frame))}
 
     def resume(self) -> list[float]:
         """Take the first frames as far as an earlier run kept them, without their pictures: their times, but for the

@@ -1,7 +1,7 @@
 """Panoramas out of passes of video (paper, section III-A): sampled by time, decoded once, in order, one at a time."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -50,6 +50,7 @@ Pairs = tuple[tuple[Panorama, Panorama], ...]
 TICK_TOLERANCE = 0.2
 WIDER = (2, 4, 8)
 STILL_WIDTH, STILL = 256, 0.7
+BLACK = np.zeros((64, 128, 3), np.uint8)
 
 
 def probe(path: Path, images_fps: float = 30.0, panoramic: bool = True) -> VideoInfo:
@@ -111,18 +112,26 @@ def expected_frames(clip: Clip, info: VideoInfo) -> int:
 
 
 def panoramas(
-    clip: Clip, first_frame: int = 0, report: DecodeReport | None = None, known_s: Sequence[float] = ()
+    clip: Clip,
+    first_frame: int = 0,
+    report: DecodeReport | None = None,
+    known_s: Sequence[float] = (),
+    wanted: Container[int] | None = None,
 ) -> Iterator[Panorama]:
     """A clip's panoramas, numbered from `first_frame`; `stamp_s` is the time in the video.
 
     The first frame of the range is used, then one per 1/fps by timestamp, so that every frame is used where the video
     is slower. Damaged frames are skipped and counted in `report`. `known_s`: times of the clip's first panoramas, which
-    are not decoded again; `report` tells of them. Raises VideoError as `probe` does, for a range outside the video, and
-    where nothing can be decoded.
+    are not decoded again; `report` tells of them. `wanted`: the numbers of those that anything is asked of, where these
+    are known; of other cameras than panoramic ones the rest comes small and black. Raises VideoError as `probe` does,
+    for a range outside the video, and where nothing can be decoded.
     """
     laid = _laid(clip, probe_clip(clip))
     for number, (stamp_s, picture) in enumerate(pictures(clip, report, known_s), first_frame + len(known_s)):
-        yield _panorama(number, stamp_s, picture, laid)
+        if laid is not None and wanted is not None and number not in wanted:
+            yield panorama_of(number, stamp_s, BLACK)
+        else:
+            yield _panorama(number, stamp_s, picture, laid)
 
 
 def pictures(
