@@ -34,11 +34,15 @@ LEAST_PICTURES = 5
 @dataclass(frozen=True, eq=False)
 @array_record
 class LensWalk:
-    """What is known of a pass of an ordinary lens: the lens, as it was `given`, None where it was not, and the standard deviation of its focal
-    length, as a share; the frames of the clip that were looked at (f,), to which part each belongs, the longest is 0
-    (f,), and its poses world_from_rig (f, 4, 4): x along the face, y up, z out of it, in an unknown scale; what was
-    seen there: points (n,) by frame (n,), their rays (n, 3) in the rig frame; where these points are (p, 3); and the middle one
-    of the pixels by which the sightings are off, in pictures so wide that points are followed in."""
+    """What is known of a pass of an ordinary lens.
+
+    `camera`: the lens that was found; `given`: as it was given, None where it was not; `focal_sigma`: the standard
+    deviation of its focal length, as a share. `frames` (f,): those of the clip that were looked at; `part` (f,): to
+    which part of the path each belongs, the longest is 0; `world_from_rig` (f, 4, 4): x along the face, y up, z out of
+    it, in an unknown scale. `seen_point` (n,): the points that were seen, in `seen_frame` (n,) of the clip, along
+    `rays` (n, 3) in the rig frame; `points` (p, 3): where they are. `off_px`: by how many pixels the middle one of
+    the sightings is off, in pictures as wide as points are followed in.
+    """
 
     camera: Pinhole
     given: Pinhole | None
