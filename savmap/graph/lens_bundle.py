@@ -13,8 +13,9 @@ Given = tuple[float, float, float]
 """What is known of a lens: its focal length and the standard deviation of that, pixels, and that of its radial term."""
 
 SIGMAS_PX = 20.0, 3.0, 0.4
-"""Of a sighting that fits, from first to last; the lens is free in the last step alone. Outliers count less and less (Cauchy): an edge before another one
-moves as neither does, and faces are full of these. By Huber's loss such points bend a path by ten times its error."""
+"""Of a sighting that fits, from first to last; the lens is free in the last step alone. Outliers count less and less
+(Cauchy): an edge before another one moves as neither does, and faces are full of these. By Huber's loss such points
+bend a path by ten times its error."""
 TURN_SIGMA_DEG, TURN_CAUCHY = 0.3, 2.0
 """Of turns by lines, some of which are wrong."""
 HOLD = 1e-4
