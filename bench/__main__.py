@@ -62,7 +62,7 @@ def measured(name: str, arguments: Sequence[str]) -> int:
 
 
 def settings_of(arguments: Sequence[str]) -> str:
-    """The arguments that change figures."""
+    """The arguments that change figures; of files their names."""
     kept, skip = list[str](), False
     for argument in arguments:
         if skip or argument == "--store":
@@ -70,7 +70,7 @@ def settings_of(arguments: Sequence[str]) -> str:
         elif argument.split("=")[0] in PATHS:
             skip = "=" not in argument
         else:
-            kept.append(argument)
+            kept.append(Path(argument).name if "/" in argument else argument)
     return shlex.join(kept)
 
 
