@@ -21,7 +21,7 @@ import multiprocessing
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import chain, islice, zip_longest
@@ -30,6 +30,7 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bench.baseline import Figures
@@ -59,6 +60,8 @@ PEERS_OVERLAP = 10
 Cells = Mapping[str, float]
 Given = TypeVar("Given")
 Answer = TypeVar("Answer")
+Picture = NDArray[np.uint8]
+CameraOf = Callable[[int, int], tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +95,13 @@ def followed(video: Path, every: int) -> Walk:
 
 def peers(video: Path, every: int) -> Walk:
     """The path of pycolmap."""
+    numbered = ((every * number, panorama.image) for number, panorama in enumerate(frames_of(video, every)))
+    return pycolmaps(numbered, lambda width, height: ("EQUIRECTANGULAR", f"{width}, {height}"), PEERS_OVERLAP)
+
+
+def pycolmaps(numbered: Iterable[tuple[int, Picture]], camera: CameraOf, overlap: int) -> Walk:
+    """The path of pycolmap by numbered RGB pictures, each matched with so many before it. `camera`: model and
+    parameters of pictures of a width and height."""
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.Level.ERROR.value
@@ -99,23 +109,24 @@ def peers(video: Path, every: int) -> Walk:
     with tempfile.TemporaryDirectory() as temporary:
         folder, database = Path(temporary) / "pictures", Path(temporary) / "database.db"
         folder.mkdir()
-        total = 0
-        for total, panorama in enumerate(frames_of(video, every), 1):
-            write_picture(folder / f"{total - 1:06d}.png", panorama.image[..., ::-1])
-            size = (2 * panorama.height, panorama.height)
+        total, size = 0, (0, 0)
+        for number, picture in numbered:
+            write_picture(folder / f"{number:06d}.png", picture[..., ::-1])
+            total, size = total + 1, (picture.shape[1], picture.shape[0])
+        model, parameters = camera(*size)
         begun = time.process_time()
         pycolmap.extract_features(
             database,
             folder,
             camera_mode=pycolmap.CameraMode.SINGLE,
-            reader_options={"camera_model": "EQUIRECTANGULAR", "camera_params": "{}, {}".format(*size)},
+            reader_options={"camera_model": model, "camera_params": parameters},
             extraction_options={"num_threads": 1},
         )
-        pycolmap.match_sequential(database, {"num_threads": 1}, {"overlap": PEERS_OVERLAP, "num_threads": 1})
+        pycolmap.match_sequential(database, {"num_threads": 1}, {"overlap": overlap, "num_threads": 1})
         models = pycolmap.incremental_mapping(database, folder, temporary, {"num_threads": 1})
         seconds = (time.process_time() - begun) / total
     images = max(models.values(), key=lambda model: model.num_reg_images()).images.values() if models else ()
-    places = {every * int(image.name[:6]): image.projection_center() for image in images if image.has_pose}
+    places = {int(image.name[:6]): image.projection_center() for image in images if image.has_pose}
     numbers = np.array(sorted(places), np.int64)
     return Walk(numbers, np.array([places[k] for k in numbers]).reshape(-1, 3), total - len(places), seconds)
 

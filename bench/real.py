@@ -28,12 +28,12 @@ import numpy as np
 import yaml
 
 from bench.baseline import Figures
-from bench.odometry import Walk, alone, score
+from bench.odometry import Walk, alone, pycolmaps, score
+from savmap.geometry.cameras import Pinhole
 from savmap.pipeline.lens_walks import LensWalk, lens_walk
 from savmap.site.model import Pass
 from savmap.site.sections import USUAL_HFOV_DEG, CameraSection
 from savmap.types import Planes
-from savmap.video.image_folder import write_picture
 from savmap.video.reader import pictures
 
 WIDER = 1.25
@@ -114,33 +114,15 @@ def decoded(video: Path, _: float | None) -> float:
 
 def peers(video: Path, hfov: float | None) -> Walk:
     """The path of pycolmap."""
-    import pycolmap
+    every = islice(enumerate(pictures(clip_of(video, hfov).clip)), 0, None, EVERY)
+    numbered = ((number, taken.rgb if isinstance(taken, Planes) else taken) for number, (_, taken) in every)
+    return pycolmaps(numbered, lambda width, height: ("SIMPLE_RADIAL", lens_of(width, height, hfov)), OVERLAP)
 
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.ERROR.value
-    pycolmap.set_random_seed(0)
-    with tempfile.TemporaryDirectory() as temporary:
-        folder, database = Path(temporary) / "pictures", Path(temporary) / "database.db"
-        folder.mkdir()
-        for number, (_, picture) in islice(enumerate(pictures(clip_of(video, hfov).clip)), 0, None, EVERY):
-            rgb = picture.rgb if isinstance(picture, Planes) else picture
-            write_picture(folder / f"{number:06d}.png", rgb[..., ::-1])
-        high, wide = rgb.shape[:2]
-        focal = wide / 2 / np.tan(np.radians(hfov or USUAL_HFOV_DEG["pinhole"]) / 2)
-        begun = time.process_time()
-        pycolmap.extract_features(
-            database,
-            folder,
-            camera_mode=pycolmap.CameraMode.SINGLE,
-            reader_options={"camera_model": "SIMPLE_RADIAL", "camera_params": f"{focal}, {wide / 2}, {high / 2}, 0"},
-            extraction_options={"num_threads": 1},
-        )
-        pycolmap.match_sequential(database, {"num_threads": 1}, {"overlap": OVERLAP, "num_threads": 1})
-        models = pycolmap.incremental_mapping(database, folder, temporary, {"num_threads": 1})
-        seconds = time.process_time() - begun
-    images = max(models.values(), key=lambda model: model.num_reg_images()).images.values() if models else ()
-    places = {int(image.name[:6]): image.projection_center() for image in images if image.has_pose}
-    numbers = np.array(sorted(places), np.int64)
-    return Walk(numbers, np.array([places[k] for k in numbers]).reshape(-1, 3), 0, seconds)
+
+def lens_of(width: int, height: int, hfov: float | None) -> str:
+    """Focal length, principal point and no distortion, as pycolmap takes them."""
+    lens = Pinhole.of_hfov(width, height, hfov or USUAL_HFOV_DEG["pinhole"])
+    return f"{lens.focal_px[0]}, {width / 2}, {height / 2}, 0"
 
 
 def of_clip(video: Path, hfov: float | None, given: argparse.Namespace, folder: Path) -> Mapping[str, float]:
@@ -159,7 +141,7 @@ def of_clip(video: Path, hfov: float | None, given: argparse.Namespace, folder: 
         peer = alone(peers, video, hfov)
         here = walk.part == 0
         beside = score(Walk(walk.frames[here], walk.world_from_rig[here, :3, 3]), peer)
-        figures |= {"peer s": peer.seconds, "off peer %": beside["rms %"]}
+        figures |= {"peer s": peer.seconds * (len(peer.frames) + peer.lost), "off peer %": beside["rms %"]}
     return figures
 
 

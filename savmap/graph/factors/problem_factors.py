@@ -21,8 +21,7 @@ from savmap.types import Floats
 
 HUBER = 1.345
 LOOSE_M = 100.0
-ATTITUDE_RAD, WALKED_RAD = 0.2, 0.2
-"""Of a frame's first attitude, and of one of a walked path, which keeps its turns over the whole row."""
+ATTITUDE_RAD = 0.2
 MOTION_M = 0.5
 HELD_M, HELD_RAD = 1e-4, 1e-5
 
@@ -78,9 +77,8 @@ def _frame_factors(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFa
         yield from _held(problem)
         return
     given = first_poses(problem)
-    sigma = ATTITUDE_RAD if problem.camera.walked is None else WALKED_RAD
     for frame, pose in zip(problem.used.tolist(), given, strict=True):
-        yield _attitude(frame, pose, sigma)
+        yield _attitude(frame, pose, ATTITUDE_RAD)
     yield from _motion(problem, at)
     yield from _heights(problem)
 
