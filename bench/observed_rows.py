@@ -174,7 +174,7 @@ def start_of(driven: DrivenRow, known: Given) -> Trajectory:
 
 def tracked(driven: DrivenRow) -> list[Track]:
     """The plugin's tracks: there are no pictures to find objects in, so each feature has the one that it was made of."""
-    return track_structures(driven.measurements.features["shelves"], driven.measurements.facts, None)
+    return track_structures(driven.measurements.features["shelves"], driven.measurements.facts)
 
 
 def mapped(

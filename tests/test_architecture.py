@@ -51,8 +51,7 @@ VAGUE = {
 }
 """Names that say nothing of what a variable holds."""
 TO_BE_REPLACED = re.compile(
-    r"plugins/shelves/savmap_shelves/(boundaries|tracking|evidence)/|plugins/lights/savmap_lights/(picture|space)/|"
-    r"savmap/(vision/evidence|graph/solver/judgement)/"
+    r"plugins/lights/savmap_lights/(picture|space)/|savmap/(vision/evidence|graph/solver/judgement)/"
 )
 """Recognition by rules, which one model replaces: it is not cleaned any more."""
 LONGEST_LINE = 120

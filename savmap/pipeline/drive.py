@@ -62,7 +62,7 @@ from savmap.video.reader import Clip, DecodeReport, expected_frames, panoramas, 
 from savmap.vision.evidence import PackedView
 from savmap.vision.markers import MarkerTracker
 from savmap.vision.odometry import Followed, Follower, Odometry, WalkedPath, flows
-from savmap.vision.strips import PanoramaStrip, packed_grey, packed_maps, region_of, unpacked_grey
+from savmap.vision.strips import PanoramaStrip, packed_grey, region_of, unpacked_grey
 from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Region, Renderer, tones_of
 
@@ -513,9 +513,9 @@ class RowWalk:
         self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut], strip: PanoramaStrip | None
     ) -> FrameRecord:
         """What is measured in a frame's views, kept in the journal."""
-        record, maps = self._measured(panorama, views, cuts)
+        record = self._measured(panorama, views, cuts)
         if strip is not None:
-            self.journal.add(strips_of(self.name), panorama.frame, replace(strip, maps=maps))
+            self.journal.add(strips_of(self.name), panorama.frame, strip)
         if not failed(self.plugins):  # what is measured once a plugin has failed is tried again next time
             self.journal.add(self.name, panorama.frame, record)
         return record
@@ -613,29 +613,23 @@ class RowWalk:
         self._region = region
         return PanoramaStrip.of(panorama, region)
 
-    def _measured(
-        self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]
-    ) -> tuple[FrameRecord, dict[str, dict[str, bytes]]]:
-        """All plugins' features in a frame's views, and these packed; what networks gave for them, by plugin and
-        view. Of what is found in all frames and measured later, only as much as locates the camera is extracted here,
-        from masks."""
+    def _measured(self, panorama: Panorama, views: Sequence[View], cuts: Sequence[Cut]) -> FrameRecord:
+        """What single views of a frame show of each plugin, and of plugins that find in all frames what they saw,
+        packed."""
         features: dict[str, list[Feature]] = {name: [] for name in self.features}
         packed_views: dict[str, list[PackedView]] = {name: [] for name in self.packed_views}
-        maps: dict[str, dict[str, bytes]] = {name: {} for name in self.packed_views}
         looked: dict[str, list[View]] = {}
         for view in views:
             for plugin in self._plugins_at(view):
                 looked.setdefault(plugin.name, []).append(view)
-                if plugin.name not in packed_views or plugin.name in self.locators:
-                    detections = self.segmenters.detect(plugin, view)
-                    pixels = panorama if plugin.name not in packed_views else None
-                    features[plugin.name] += plugin.extract_features(view, detections, pixels)
                 if plugin.name in packed_views:
                     seen = self.segmenters.predict(plugin, view)
                     packed_views[plugin.name].append(PackedView.of(view, seen))
-                    maps[plugin.name][view.spec.name] = packed_maps(seen)
+                else:
+                    detections = self.segmenters.detect(plugin, view)
+                    features[plugin.name] += plugin.extract_features(view, detections, panorama)
         tones = {name: tones_of(shown) for name, shown in looked.items()}
-        return FrameRecord(features, packed_views, cuts, tones, panorama.stamp_s), maps
+        return FrameRecord(features, packed_views, cuts, tones, panorama.stamp_s)
 
     def _plugins_at(self, view: View) -> list[LoadedPlugin]:
         return [plugin for plugin in self.plugins if plugin.name in self.plan.plugins_by_view[view.spec]]

@@ -7,7 +7,6 @@ are then measured in the strips that the drive kept of the frames, and the path 
 measures with that path.
 """
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -29,25 +28,22 @@ from savmap.types import (
     PlanePatch,
     Structure,
     Trajectory,
-    View,
 )
 from savmap.types.progress import Monitor
 from savmap.vision.evidence import (
-    OUTSIDE_PX,
     FloorHeight,
+    PackedView,
     depth_of,
-    features_of,
     floor_before,
     floor_tracks,
-    found_detections,
     gather,
-    outlines_in,
 )
 from savmap.vision.strips import PanoramaStrip
 
-UPRIGHT, STRAY_PX = 0.99, 5.0
-"""How far outside of its outline an object may be seen by the first path; and by any, where a picture's border may cut
-an edge of it off."""
+ROUNDS = 2
+"""Of finding and measuring, each with the path that the one before it gave."""
+UPRIGHT = 0.99
+"""The least y of the up direction of an upright plane."""
 REACH = 3.0
 """What is further ahead or behind, in distances from its plane, is seen too far aslant to be measured."""
 
@@ -85,12 +81,11 @@ class Finder:
 
     def located(self, asked: Asked) -> Asked:
         """With the objects of a plugin that locates the camera, the path by them, and how deep flat parts and the floor
-        lie. The first round takes the edges of masks that the walk measured, the second measures those of the panoramas
-        where the model says that they are."""
+        lie: in two rounds, of which the second finds and measures with the path that the first one gave."""
         measurements, path = asked.measurements, asked.path or self._first_path()
         points: Mapping[str, Floats] = {}
-        for last in (False, True):
-            measured = self._measured(measurements, path, points, last)
+        for _ in range(ROUNDS):
+            measured = self._measured(measurements, path, points)
             try:
                 located = located_by(self.plugin, self.walked.request, measured, path)
             except (SolveError, SiteError) as error:
@@ -110,7 +105,7 @@ class Finder:
         if asked.path is None:
             return asked
         try:
-            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}, True))
+            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}))
         except StructureError as error:
             monitor.note(str(error))
             return Asked(asked.path, self._with(asked.measurements, [], []))
@@ -137,10 +132,9 @@ class Finder:
         return self.plugin.find(lambda patch: self._gather(path, patch), path, {}, self.facts, None)
 
     def _measured(
-        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], exactly: bool
+        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats]
     ) -> RowMeasurements:
-        """With what is found, and features of it in all frames: where the path is `exactly` known, of its outlines, and
-        beside these the parts that only masks tell, such as where something ends; else those of the walk."""
+        """With what is found from a path, and features of it in all frames."""
         gathered: dict[tuple[bytes, bytes, float], PlaneEvidence] = {}
 
         def evidence(patch: PlanePatch) -> PlaneEvidence:
@@ -152,17 +146,11 @@ class Finder:
         objects = self.plugin.find(evidence, path, points, self.facts, None)
         mapped = [item for item in objects if item.is_mapped]
         outlines = [np.zeros((0, 3)), *(item.outline for item in mapped)]
-        floor = self._floor(path, np.concatenate(outlines)) if exactly else None
+        floor = self._floor(path, np.concatenate(outlines))
         if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
             objects = self.plugin.find(evidence, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]
-        of_walk = [*self._assigned(mapped, path)]
-        if not exactly:
-            return self._with(measurements, objects, of_walk)
-        features = [*self._features(mapped, path)]
-        parts = {(feature.label, feature.part) for feature in features}
-        features += [item for item in of_walk if item.object and (item.label, item.part) not in parts]
-        return self._with(measurements, objects, features)
+        return self._with(measurements, objects, [*self._features(mapped, path)])
 
     def _with(
         self, measurements: RowMeasurements, objects: list[FoundObject], features: list[Feature]
@@ -195,43 +183,29 @@ class Finder:
             if depth is not None:
                 yield depth
 
-    def _assigned(self, objects: list[FoundObject], path: Trajectory) -> Iterator[Feature]:
-        """What the walk measured of objects in single frames."""
-        of_view: dict[tuple[int, str], list[Feature]] = defaultdict(list)
-        for feature in self.walked.measurements.features[self.plugin.name]:
-            of_view[feature.frame, feature.view].append(feature)
-        for frame, view, pose, near in self._shown(objects, path):
-            yield from features_of(of_view[frame, view], outlines_in(self.facts.views[view], pose, near), STRAY_PX)
-
     def _features(self, objects: list[FoundObject], path: Trajectory) -> Iterator[Feature]:
         """What is measured of objects in all frames whose pose is known."""
         series = strips_of(self.walked.request.name)
-        pictures = {(packed.frame, packed.view): packed for packed in self.packed_views}
-        outside_px = STRAY_PX if self.facts.sees_in_part else OUTSIDE_PX
         strip: PanoramaStrip | None = None
         panorama: Panorama | None = None
-        for frame, name, pose, near in self._shown(objects, path):
-            if strip is None or strip.frame != frame:
-                strip = self.walked.journal.get(PanoramaStrip, series, frame)
+        for packed, pose, near in self._shown(objects, path):
+            if strip is None or strip.frame != packed.frame:
+                strip = self.walked.journal.get(PanoramaStrip, series, packed.frame)
                 panorama = strip.panorama() if strip is not None else None
-            if strip is not None and panorama is not None:
-                spec = self.facts.views[name]
-                view = View(spec, frame, panorama.stamp_s, pictures[frame, name].image())
-                seen = strip.segmentation(self.plugin.name, name, self.plugin.classes)
-                features = self.plugin.extract_features(view, found_detections(view, seen, pose, near), panorama)
-                yield from features_of(features, outlines_in(spec, pose, near), outside_px)
+            if panorama is not None:
+                spec, scores = self.facts.views[packed.view], packed.probabilities()
+                yield from self.plugin.measure(near, spec, packed.frame, pose, scores, panorama)
 
     def _shown(
         self, objects: list[FoundObject], path: Trajectory
-    ) -> Iterator[tuple[int, str, Floats, list[FoundObject]]]:
-        """Frames and views whose pose (4, 4) is known, and the objects that are not too far ahead or behind there."""
+    ) -> Iterator[tuple[PackedView, Floats, list[FoundObject]]]:
+        """Views of frames whose pose (4, 4) is known, and the objects that are not too far ahead or behind there."""
         poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
         places = path.world_from_rig[:, :3, 3]
         along = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
         for packed in self.packed_views:
             if (pose := poses.get(packed.frame)) is not None:
-                near = [item for item in objects if is_near(item, pose[:3, 3], along)]
-                yield packed.frame, packed.view, pose, near
+                yield packed, pose, [item for item in objects if is_near(item, pose[:3, 3], along)]
 
 
 def is_near(item: FoundObject, camera: Floats, along: Floats) -> bool:

@@ -28,6 +28,7 @@ from savmap.types import (
     Trajectory,
     View,
     ViewPlan,
+    ViewSpec,
 )
 
 if TYPE_CHECKING:
@@ -73,10 +74,15 @@ def check_detections(detections: Sequence[Detection], view: View) -> None:
 
 def check_features(features: Sequence[Feature], view: View) -> None:
     """Features of the view's name and frame. (A Feature itself refuses numbers that are not finite.)"""
+    check_measured(features, view.spec, view.frame)
+
+
+def check_measured(features: Sequence[Feature], spec: ViewSpec, frame: int) -> None:
+    """The same of features of found objects."""
     for number, feature in enumerate(features):
         where = f"feature {number} (`{feature.label}`, `{feature.part}`)"
-        require(feature.frame == view.frame, f"{where}: it is of frame {feature.frame}, its view of frame {view.frame}")
-        require(feature.view == view.spec.name, f"{where}: it is of view `{feature.view}`, not of `{view.spec.name}`")
+        require(feature.frame == frame, f"{where}: it is of frame {feature.frame}, its view of frame {frame}")
+        require(feature.view == spec.name, f"{where}: it is of view `{feature.view}`, not of `{spec.name}`")
 
 
 def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:

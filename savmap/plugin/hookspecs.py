@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import pluggy
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from savmap.types import (
@@ -33,6 +35,7 @@ from savmap.types import (
     Trajectory,
     View,
     ViewPlan,
+    ViewSpec,
 )
 
 if TYPE_CHECKING:
@@ -102,9 +105,24 @@ def find(
 
     `gather` gives what the frames show of a plane; `path`: the camera's, up to scale; `points`: positions (3,) of the
     plugin's landmarks by name, as solved in an earlier round, none in the first; `floor`: its y before the first
-    upright plane, where the pictures told it. Every frame is then measured at what was found, and `track` gets features
-    that name their object. Raises StructureError where nothing is found. Default: none; `track` gets what single frames
-    show."""
+    upright plane, where the pictures told it. `measure` is then asked of every frame, in place of `extract_features`.
+    Raises StructureError where nothing is found. Default: none; `track` gets what single frames show."""
+
+
+@hookspec(firstresult=True)
+def measure(
+    objects: Sequence[FoundObject],
+    spec: ViewSpec,
+    frame: int,
+    world_from_rig: Floats,
+    scores: NDArray[np.float32],
+    panorama: Panorama,
+) -> list[Feature]:
+    """Measuring of what was found, in a view of a frame whose pose is known: features that name their object.
+
+    `world_from_rig` (4, 4) is in the frame and the unit of the objects; `scores` (classes, h, w): what the network gave
+    for the view, at half of its size; `panorama`: the part that the views show, in grey. Required of plugins that
+    `find`."""
 
 
 @hookspec(firstresult=True)

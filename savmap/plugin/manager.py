@@ -153,6 +153,7 @@ class LoadedPlugin(HookCaller):
     track = Hook(hookspecs.track, list[Track], checks.check_tracks)
     planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches, _nothing)
     find = Hook(hookspecs.find, list[FoundObject], checks.check_found, _nothing)
+    measure = Hook(hookspecs.measure, list[Feature], checks.check_measured)
     flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
     relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
     warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)

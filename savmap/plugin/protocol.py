@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from savmap.files.validation import ClassNames
 from savmap.plugin import hookspecs
-from savmap.types import Feature, Structure, Track, ViewPlan
+from savmap.types import Structure, Track, ViewPlan
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints
@@ -99,8 +99,6 @@ class Plugin(Protocol):
 
     def render_views(self, *args: Any, **kwargs: Any) -> ViewPlan: ...
 
-    def extract_features(self, *args: Any, **kwargs: Any) -> list[Feature]: ...
-
     def track(self, *args: Any, **kwargs: Any) -> list[Track]: ...
 
     def constrain(self, *args: Any, **kwargs: Any) -> "Constraints": ...
@@ -111,9 +109,12 @@ class Plugin(Protocol):
 def class_faults(plugin_class: Any) -> Iterator[str]:
     """What a plugin's class lacks or declares wrongly: attributes first, then hooks."""
     yield from _attribute_faults(plugin_class)
+    finds = implements(plugin_class, "find")
     for hook in hookspecs.REQUIRED:
+        hook = "measure" if finds and hook == "extract_features" else hook
         if not implements(plugin_class, hook):
-            yield f"it lacks the hook `{hook}`, which every plugin must have (with @hookimpl)"
+            who = "one that finds" if hook == "measure" else "every plugin"
+            yield f"it lacks the hook `{hook}`, which {who} must have (with @hookimpl)"
     yield from hook_faults(plugin_class, hookspecs)
 
 

@@ -1,12 +1,12 @@
-"""Strips of panoramas: what a panorama shows in some views, at its own resolution, and what networks gave for these,
-kept so that edges can be measured once it is known where they are.
+"""Strips of panoramas: what a panorama shows in some views, at its own resolution, kept so that edges can be measured
+once it is known where they are.
 
 They are kept without loss: JPEG of quality 95 moves one edge of ten by more than 0.17 px, and takes as long and two
 thirds of the bytes.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from struct import Struct
 from typing import Any, Literal
@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.types import FilmedPanorama, Floats, Panorama, Planes, ViewSpec, array_record
-from savmap.vision.networks.adapter import Segmentation
 from savmap.vision.views import Region, panorama_pixels, region_around
 
 HEAD = Struct("<III")
@@ -32,8 +31,7 @@ GREY = np.array([[1.0, 0, 0, 0]] * 3)
 @array_record
 class PanoramaStrip:
     """Part of the luma of a panorama of this height: rows from `top` on, columns from `left` on, which may cross the
-    seam (`luma`, packed); what its values stand for (`rgb_from_yuv`, as in `Planes`); and by plugin and view the maps
-    of the plugin's classes (packed, one below the other)."""
+    seam (`luma`, packed); and what its values stand for (`rgb_from_yuv`, as in `Planes`)."""
 
     frame: int
     stamp_s: float
@@ -42,7 +40,6 @@ class PanoramaStrip:
     left: int
     luma: bytes
     rgb_from_yuv: Floats
-    maps: Mapping[str, Mapping[str, bytes]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, panorama: Panorama, region: Region) -> "PanoramaStrip":
@@ -67,19 +64,6 @@ class PanoramaStrip:
         luma[rows, : part.shape[1] - first] = part[:, first:]
         colour = np.full((self.height // 2, self.height), 128, np.uint8)
         return FilmedPanorama(self.frame, self.stamp_s, Planes(luma, colour, colour, self.rgb_from_yuv))
-
-    def segmentation(self, plugin: str, view: str, classes: tuple[str, ...]) -> Segmentation:
-        """What the plugin's network gave for a view of the panorama, in 255 steps."""
-        grey = unpacked_grey(self.maps[plugin][view])
-        maps = grey.reshape(len(classes), -1, grey.shape[1]) / np.float32(255)
-        background = np.clip(1 - maps.sum(axis=0), 0, 1)
-        return Segmentation(classes, np.concatenate([background[None], maps]))
-
-
-def packed_maps(segmentation: Segmentation) -> bytes:
-    """The maps of a network's classes, packed one below the other."""
-    maps = np.round(255 * segmentation.maps[1:]).astype(np.uint8)
-    return packed_grey(maps.reshape(-1, maps.shape[-1]))
 
 
 def packed_grey(image: Bytes) -> bytes:

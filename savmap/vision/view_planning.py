@@ -364,13 +364,18 @@ def _segments_in(view: View, shown: NDArray[np.bool_] | None) -> tuple[Floats, F
     grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
     if shown is not None and not shown.any():
         return np.zeros((0, 3)), np.zeros((0, 3))
-    lines = cv2.createLineSegmentDetector().detect(grey)[0]
-    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
-    ends = ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX]
+    ends = segments_in(np.asarray(grey, np.uint8))
     if shown is not None:
         x, y = ends.mean(axis=1).round().astype(int).T
         ends = ends[shown[y.clip(0, view.spec.height - 1), x.clip(0, view.spec.width - 1)]]
     return view.spec.rig_rays(ends[:, 0]), view.spec.rig_rays(ends[:, 1])
+
+
+def segments_in(grey: NDArray[np.uint8]) -> Floats:
+    """The ends (n, 2, 2) px of the straight segments of a picture (h, w)."""
+    lines = cv2.createLineSegmentDetector().detect(grey)[0]
+    ends = np.zeros((0, 2, 2)) if lines is None else np.asarray(lines, np.float64).reshape(-1, 2, 2)
+    return np.asarray(ends[np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) > SHORTEST_PX])
 
 
 AUTOMATIC = Manual()

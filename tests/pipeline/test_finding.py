@@ -12,13 +12,13 @@ from pydantic import BaseModel, ConfigDict
 
 from savmap.errors import SolveError, StructureError
 from savmap.files.journal import Journal
+from savmap.geometry import pinhole
 from savmap.graph import References
 from savmap.pipeline import finding
 from savmap.pipeline.finding import find_structures, is_near, uncertain_objects
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
-    Detection,
     Feature,
     FlatDepth,
     FlatParts,
@@ -37,7 +37,7 @@ from savmap.types.progress import NoteCollector
 from savmap.vision.evidence import FloorHeight, FloorTracks, PackedView
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
-from savmap.vision.strips import PanoramaStrip, packed_maps
+from savmap.vision.strips import PanoramaStrip
 from savmap.vision.views import Region
 
 from ..plugin.made_up_plugin import plugin_class
@@ -68,7 +68,7 @@ class Asked:
         self.paths: list[Trajectory] = []
         self.points: list[dict[str, Floats]] = []
         self.floors: list[float | None] = []
-        self.pixels: list[bool] = []
+        self.measured: list[int] = []
         asked = self
 
         def find(
@@ -80,18 +80,26 @@ class Asked:
             assert gather(FACE).of("light").max() == pytest.approx(0.9, abs=0.05)
             return found(floor)
 
-        def extract_features(
-            self: object, view: View, detections: list[Detection], panorama: Panorama | None
+        def measure(
+            self: object,
+            objects: list[FoundObject],
+            spec: ViewSpec,
+            frame: int,
+            world_from_rig: Floats,
+            scores: np.ndarray,
+            panorama: Panorama,
         ) -> list[Feature]:
-            asked.pixels.append(panorama is not None)
-            middles = [np.argwhere(detection.mask).mean(axis=0)[::-1] for detection in detections]
+            asked.measured.append(frame)
+            assert scores.shape == (1, spec.height // 2, spec.width // 2)
+            rays = np.array([item.outline.mean(axis=0) for item in objects]) - world_from_rig[:3, 3]
+            pixels = pinhole.project(rays @ world_from_rig[:3, :3] @ spec.rig_from_view, spec.camera)
             return [
-                Feature(view.frame, view.spec.name, "light", "centre", number, middle[None], np.eye(2)[None])
-                for number, middle in enumerate(middles)
+                Feature(frame, spec.name, "light", "centre", 0, pixel[None], np.eye(2)[None], object=item.id)
+                for item, pixel in zip(objects, pixels, strict=True)
             ]
 
-        members = {"classes": ("light",), "model": LAMPS, "extract_features": extract_features}
-        self.plugin: LoadedPlugin = loaded_plugin("one", plugin_class(**{**members, "find": find, **hooks}), Config())
+        members = {"classes": ("light",), "model": LAMPS, "find": find, "measure": measure}
+        self.plugin: LoadedPlugin = loaded_plugin("one", plugin_class(**{**members, **hooks}), Config())
 
 
 def walked(plugin: LoadedPlugin, locates: bool = True, path: Trajectory | None = None) -> WalkedRow:
@@ -103,7 +111,7 @@ def walked(plugin: LoadedPlugin, locates: bool = True, path: Trajectory | None =
     for frame in range(COUNT):
         panorama = Panorama(frame, frame / 15, np.zeros((64, 128, 3), np.uint8))
         strip = PanoramaStrip.of(panorama, Region(0, 64, 0, 128))
-        journal.add(strips_of("A"), frame, replace(strip, maps={"one": {SHOWN.name: packed_maps(seen)}}))
+        journal.add(strips_of("A"), frame, strip)
         view = View(SHOWN, frame, frame / 15, np.zeros((SHOWN.height, SHOWN.width, 3), np.uint8))
         packed_views.append(PackedView.of(view, seen))
     facts = RowFacts("A", FrameTable(np.arange(COUNT) / 15, ("pass 1",) * COUNT), {SHOWN.name: SHOWN}, {"pass 1": 1})
@@ -144,7 +152,7 @@ def first_paths(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
-def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_the_second_time(
+def test_a_plugin_that_locates_the_camera_finds_and_measures_twice(
     solved: list[RowMeasurements], first_paths: list[str]
 ) -> None:
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8)])
@@ -152,7 +160,7 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
     assert first_paths == ["one"]
     assert asked.paths == [PATH, SOLVED]
     assert [dict(points) for points in asked.points] == [{}, POINTS]
-    assert asked.pixels == [True] * COUNT
+    assert asked.measured == [*range(COUNT), *range(COUNT)]
     assert len(solved) == 2
     assert [(f.frame, f.object) for f in measured.features["one"]] == [
         (frame, f"light {number}") for frame in range(COUNT) for number in (1, 2)
@@ -161,19 +169,6 @@ def test_a_plugin_that_locates_the_camera_finds_twice_and_is_measured_exactly_th
     assert measured.path is SOLVED
     places = np.array([f.pixels[0, 0] for f in measured.features["one"] if f.object == "light 2"])
     assert places == pytest.approx(66.5, abs=1.0)
-
-
-def test_what_only_masks_tell_is_kept_from_the_walk() -> None:
-    asked = Asked(lambda floor: [light(1, -0.8)])
-    row = walked(asked.plugin)
-    ends = [
-        Feature(frame, SHOWN.name, "light", "end", 0, np.array([[29.0, 32.0]]), np.eye(2)[None])
-        for frame in range(COUNT)
-    ]
-    row = replace(row, measurements=replace(row.measurements, features={"one": ends}))
-    features = find_structures(row, NoteCollector()).measurements.features["one"]
-    parts = sorted((f.part, f.frame, f.object) for f in features)
-    assert parts == [(part, frame, "light 1") for part in ("centre", "end") for frame in range(COUNT)]
 
 
 def test_what_lies_far_ahead_or_behind_is_not_measured() -> None:
@@ -238,14 +233,14 @@ def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     monkeypatch.setattr(finding, "floor_tracks", lambda *_: FloorTracks())
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8)] if floor is None else [light(2, 0.8)])
     measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
-    assert asked.floors == ([None, None, y] if again else [None, None])
+    assert asked.floors == ([None, y] * 2 if again else [None, None])
     assert len(measured.objects["one"]) == 2 - again
 
 
 def test_a_plugin_that_is_told_the_path_finds_once(solved: list[RowMeasurements], first_paths: list[str]) -> None:
     asked = Asked(lambda floor: [light(1, -0.8)])
     measured = find_structures(walked(asked.plugin, locates=False, path=PATH), NoteCollector()).measurements
-    assert (asked.paths, asked.pixels) == ([PATH], [True] * COUNT)
+    assert (asked.paths, asked.measured) == ([PATH], [*range(COUNT)])
     assert (solved, first_paths) == ([], [])
     assert len(measured.features["one"]) == COUNT
 

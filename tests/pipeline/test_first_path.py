@@ -13,13 +13,13 @@ from savmap.errors import StructureError
 from savmap.files.journal import Journal
 from savmap.geometry.pinhole import rig_from_view
 from savmap.graph import References
+from savmap.lab.adapt.faces import outline_in
 from savmap.pipeline.first_path import paths_before_face
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.site.model import Pass
 from savmap.types import Floats, FrameTable, RowFacts, Trajectory, View, ViewSpec
 from savmap.vision.evidence import PackedView
-from savmap.vision.evidence.planes import outline_in
 from savmap.vision.markers import MarkerTracks
 from savmap.vision.networks.segmenter import Segmentation
 

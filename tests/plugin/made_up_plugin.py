@@ -22,6 +22,7 @@ from savmap.types import (
     FrameTable,
     JointCovariance,
     MapWarning,
+    Panorama,
     PlanePatch,
     RowFacts,
     RowInspection,
@@ -39,6 +40,7 @@ SPEC = ViewSpec("view", 0.0, width=16, height=12)
 VIEW = View(SPEC, 3, 0.1, np.zeros((12, 16, 3), np.uint8))
 FACTS = RowFacts("A", FrameTable(np.arange(5.0), ("pass 1",) * 5), {"view": SPEC}, {"pass 1": 1})
 PATH = Trajectory(np.arange(5), np.tile(np.eye(4), (5, 1, 1)))
+PANORAMA = Panorama(3, 0.1, np.zeros((8, 16, 3), np.uint8))
 MASK = np.ones((12, 16), np.bool_)
 DETECTION = Detection("thing", 0.9, MASK, MASK.astype(np.float32))
 FEATURE = Feature(3, "view", "thing", "foot", 0, np.ones((1, 2)), np.eye(2)[None])
@@ -67,6 +69,7 @@ CALLS: dict[str, Callable[[Any], Any]] = {
     "extract_features": lambda plugin: plugin.extract_features(VIEW, [], None),
     "track": lambda plugin: plugin.track([], FACTS, np.tile(np.eye(3), (5, 1, 1)), PATH),
     "find": lambda plugin: plugin.find(None, PATH, POINTS, FACTS, 0.0),
+    "measure": lambda plugin: plugin.measure([], SPEC, 3, np.eye(4), np.zeros((1, 6, 8), np.float32), PANORAMA),
     "planes": lambda plugin: plugin.planes(POINTS),
     "flat_parts": lambda plugin: plugin.flat_parts(POINTS),
     "constrain": lambda plugin: plugin.constrain([TRACK], FACTS, PATH),
@@ -88,6 +91,7 @@ ANSWERS: dict[str, Any] = {
     "extract_features": [FEATURE],
     "track": [TRACK],
     "find": [FoundObject("thing 1", "thing", np.eye(3), 0.75)],
+    "measure": [FEATURE],
     "planes": [FRONT],
     "flat_parts": [FLAT, FlatParts("thing 1", "x", ())],
     "constrain": CONSTRAINTS,
@@ -120,7 +124,8 @@ def plugin_class(leave_out: tuple[str, ...] = (), **members: Any) -> type:
         "Config": Config,
         "__init__": lambda self, config: None,
     }
-    hooks = {hook: lambda self: None for hook in REQUIRED if hook not in leave_out}
+    required = (*REQUIRED, "measure") if "find" in members else REQUIRED
+    hooks = {hook: lambda self: None for hook in required if hook not in leave_out}
     given = {name: value for name, value in members.items() if callable(value) and not isinstance(value, type)}
     rest = {name: value for name, value in members.items() if name not in given}
     marked = {name: hookimpl(function) for name, function in {**hooks, **given}.items()}

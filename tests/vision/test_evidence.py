@@ -1,12 +1,11 @@
-"""Evidence in planes: what adds up over frames, what smears away, and how frames are read with it in mind."""
+"""Evidence in planes: what adds up over frames, what smears away."""
 
 import numpy as np
 import pytest
 
+from savmap.geometry import pinhole
 from savmap.types import (
-    Feature,
     Floats,
-    FoundObject,
     FrameTable,
     PlanePatch,
     RowFacts,
@@ -14,15 +13,8 @@ from savmap.types import (
     View,
     ViewSpec,
 )
-from savmap.vision.evidence import (
-    PackedView,
-    features_of,
-    found_detections,
-    gather,
-    outlines_in,
-)
-from savmap.vision.evidence.detections import BAND, grown, within_picture
-from savmap.vision.evidence.planes import heights_shown, outline_in
+from savmap.vision.evidence import PackedView, gather
+from savmap.vision.evidence.planes import heights_shown
 from savmap.vision.networks.segmenter import Segmentation
 
 SPEC = ViewSpec("face", 0.0, hfov_deg=100.0, width=320, height=240)
@@ -43,8 +35,8 @@ def drawn(world_from_rig: Floats, outlines: list[Floats], probability: float) ->
     """A network that sees posts of these outlines with some probability, and nothing else."""
     maps = np.zeros((2, SPEC.height, SPEC.width), np.float32)
     for outline in outlines:
-        pixels = outline_in(SPEC, world_from_rig, outline)
-        assert pixels is not None
+        local = (outline - world_from_rig[:3, 3]) @ world_from_rig[:3, :3] @ SPEC.rig_from_view
+        pixels = pinhole.project(local, SPEC.camera)
         columns = slice(max(int(pixels[:, 0].min()), 0), max(int(pixels[:, 0].max()) + 1, 0))
         rows = slice(max(int(pixels[:, 1].min()), 0), int(pixels[:, 1].max()) + 1)
         maps[1, rows, columns] = probability
@@ -54,10 +46,6 @@ def drawn(world_from_rig: Floats, outlines: list[Floats], probability: float) ->
 
 def post(x: float, z: float = 0.0) -> Floats:
     return np.array([[x - 0.05, 0.1, z], [x + 0.05, 0.1, z], [x + 0.05, 1.9, z], [x - 0.05, 1.9, z]])
-
-
-def a_post(outline: Floats, name: str = "post 1") -> FoundObject:
-    return FoundObject(name, "post", outline, 1.0)
 
 
 def packed_views_of(outlines: list[Floats], probability: float) -> tuple[list[PackedView], Trajectory]:
@@ -111,95 +99,6 @@ def test_the_plane_is_pictured() -> None:
     packed_views, path = packed_views_of([], 0.0)
     seen = gather(PATCH, ("post",), packed_views, {"face": SPEC}, path)
     assert np.abs(seen.picture[seen.weight > 0].astype(int) - 90).max() <= 2
-
-
-def test_an_outline_that_reaches_far_beyond_the_picture_is_not_bent() -> None:
-    """A leaning post, as a wide view shows one whose top is nearly beside the camera."""
-    outline = np.array([[83.0, 200.0], [87.0, 200.0], [-4554.0, -3332.0], [-4622.0, -3332.0]])
-    inside = within_picture(outline, (SPEC.height, SPEC.width))
-    assert inside[:, 0].min() >= -65
-    assert inside[:, 1].max() == 200.0
-    left = 83.0 + (inside[:, 1] - 200.0) / -3532.0 * -4705.0
-    right = 87.0 + (inside[:, 1] - 200.0) / -3532.0 * -4641.0
-    assert (np.minimum(np.abs(inside[:, 0] - left), np.abs(inside[:, 0] - right)) < 0.01).all()
-
-
-def test_an_outline_beside_the_picture_has_no_part_in_it() -> None:
-    assert within_picture(np.array([[900.0, 0], [990, 0], [990, 90]]), (240, 320)).shape == (0, 2)
-
-
-def test_an_outline_behind_the_camera_is_nowhere() -> None:
-    behind = post(1.0, z=4.0)
-    assert outline_in(SPEC, pose(1.0), behind) is None
-
-
-def test_an_outline_is_cut_at_the_camera() -> None:
-    floor = np.array([[0.0, 0, -3.0], [1.0, 0, -3.0], [1.0, 0, 5.0], [0.0, 0, 5.0]])
-    pixels = outline_in(SPEC, pose(0.5), floor)
-    assert pixels is not None
-    assert np.isfinite(pixels).all()
-
-
-def shown_at(outlines: list[Floats], probability: float, found: list[FoundObject]) -> list[Floats]:
-    """The columns (first, last + 1) and rows of what is detected of found objects where the network sees these outlines."""
-    view = View(SPEC, 0, 0.0, np.zeros((SPEC.height, SPEC.width, 3), np.uint8))
-    detections = found_detections(view, drawn(pose(2.0), outlines, probability), pose(2.0), found)
-    boxes = []
-    for detection in detections:
-        rows, columns = np.nonzero(detection.mask)
-        boxes.append(np.array([columns.min(), columns.max() + 1, rows.min(), rows.max() + 1], np.float64))
-    return boxes
-
-
-def pixels_of(outline: Floats) -> Floats:
-    pixels = outline_in(SPEC, pose(2.0), outline)
-    assert pixels is not None
-    return np.array([pixels[:, 0].min(), pixels[:, 0].max(), pixels[:, 1].min(), pixels[:, 1].max()])
-
-
-def wide(low: float, high: float, bottom: float = 0.2, top: float = 1.8) -> Floats:
-    return np.array([[low, bottom, 0.0], [high, bottom, 0.0], [high, top, 0.0], [low, top, 0.0]])
-
-
-def test_an_outline_grows_across_its_lesser_thickness() -> None:
-    lying = np.array([[0.0, 1.0, 0.5], [2.0, 1.0, 0.5], [2.0, 1.1, 0.5], [0.0, 1.1, 0.5]])
-    expected = lying + np.array([0, 0.1 * BAND, 0]) * np.array([-1, -1, 1, 1])[:, None]
-    assert grown(lying, BAND) == pytest.approx(expected)
-    assert grown(post(1.0), -BAND)[:, 0] == pytest.approx(1.0 + 0.05 * (1 - 2 * BAND) * np.array([-1, 1, 1, -1]))
-
-
-@pytest.mark.parametrize(
-    ("seen", "expected"),
-    [
-        (wide(1.6, 2.4), (1.6, 2.4)),
-        (wide(1.55, 2.46), (1.55, 2.46)),
-        (wide(1.6, 3.2), (1.6, 2.4 + 0.8 * BAND)),
-        (wide(1.6, 2.1), (1.6, 2.4 - 0.8 * BAND)),
-    ],
-    ids=["as found", "a bit off", "something adjoins", "a part is hidden"],
-)
-def test_borders_of_what_is_found_are_measured_within_a_band(seen: Floats, expected: tuple[float, float]) -> None:
-    for probability in (0.9, 0.3):
-        (box,) = shown_at([seen], probability, [a_post(wide(1.6, 2.4))])
-        assert box == pytest.approx(pixels_of(wide(*expected)), abs=2.0)
-
-
-def test_what_is_not_seen_or_not_found_is_not_detected() -> None:
-    assert shown_at([wide(1.6, 2.4)], 0.9, []) == []
-    assert shown_at([wide(1.6, 2.4)], 0.9, [a_post(wide(3.0, 3.6))]) == []
-    assert shown_at([wide(1.6, 2.4)], 0.05, [a_post(wide(1.6, 2.4))]) == []
-    assert shown_at([wide(1.6, 2.4)], 0.9, [a_post(wide(1.6, 2.4) + np.array([0, 0, 5.0]))]) == []
-
-
-def test_features_are_of_the_object_that_their_instance_lies_in() -> None:
-    def edge(number: int, x: float, label: str = "post") -> Feature:
-        pixels = outline_in(SPEC, pose(2.0), post(x))
-        assert pixels is not None
-        return Feature(0, "face", label, "left", number, pixels[[0, 3]], np.tile(np.eye(2), (2, 1, 1)))
-
-    outlines = outlines_in(SPEC, pose(2.0), [a_post(post(1.0)), a_post(post(3.0), "post 2")])
-    features = [edge(0, 2.99), edge(1, 1.0), edge(1, 1.02), edge(2, 2.0), edge(3, 1.0, "other")]
-    assert [f.object for f in features_of(features, outlines)] == ["post 2", "post 1", "post 1", "", ""]
 
 
 def test_the_heights_of_the_face_that_views_show() -> None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from savmap.types import FilmedPanorama, Panorama, Planes, ViewSpec
-from savmap.vision.networks.adapter import Segmentation
-from savmap.vision.strips import PanoramaStrip, packed_maps, region_of
+from savmap.vision.strips import PanoramaStrip, region_of
 from savmap.vision.subpixel import _grey
 from savmap.vision.views import Renderer
 
@@ -47,14 +46,3 @@ def test_a_strip_is_smaller_than_its_panorama() -> None:
 def test_up_is_all_around() -> None:
     region = region_of([ViewSpec("up", 0.0, 90.0)], 1024)
     assert (region.top, region.width) == (0, 2048)
-
-
-def test_maps_are_there_again_in_255_steps() -> None:
-    maps = np.random.default_rng(2).random((3, 48, 64)).astype(np.float32) / 3
-    strip = PanoramaStrip(
-        0, 0.0, HEIGHT, 0, 0, b"", MATRIX, {"one": {"face": packed_maps(Segmentation(("a", "b"), maps))}}
-    )
-    again = strip.segmentation("one", "face", ("a", "b"))
-    assert again.classes == ("a", "b")
-    assert np.abs(again.maps[1:] - maps[1:]).max() < 0.51 / 255
-    assert again.maps.shape == maps.shape

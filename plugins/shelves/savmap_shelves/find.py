@@ -13,8 +13,8 @@ from savmap_shelves.evidence import tracked_grid
 from savmap_shelves.face_model import Face, FaceReader, Member
 from savmap_shelves.likelihood import fitted
 
-CELL, ROOM = 0.0125, 0.1
-"""The side of a cell, and how far an upright's outline goes on at both ends, as shares of the camera's distance."""
+CELL = 0.0125
+"""The side of a cell, as a share of the camera's distance."""
 POST_SEEN = 0.5
 """Of a post's height, where the camera sees in part: what it did not look at is no post."""
 LIKELY = 0.5
@@ -36,7 +36,7 @@ def find(
         raise StructureError(f"row {facts.name}: fewer than two uprights show in all frames together, so no bay does")
     if not any(face.sections):
         raise StructureError(f"row {facts.name}: {len(face.posts)} uprights but no beam between them were found")
-    return [*_objects(face, reader.uprights.patch, beam_depth(points), ROOM * reader.camera[1])]
+    return [*_objects(face, reader.uprights.patch, beam_depth(points))]
 
 
 def face_reader(
@@ -65,10 +65,11 @@ def beam_depth(points: Mapping[str, np.ndarray]) -> float:
     return float(np.median(depths)) if depths else 0.0
 
 
-def _objects(face: Face, patch: PlanePatch, depth: float, room: float) -> Iterator[FoundObject]:
-    low, high = face.bottom - room, face.top + room
+def _objects(face: Face, patch: PlanePatch, depth: float) -> Iterator[FoundObject]:
     for number, post in enumerate(face.posts, 1):
-        yield _object(f"upright {number}", "upright", (post.low, post.high), (low, high), patch, 0.0, post.probability)
+        yield _object(
+            f"upright {number}", "upright", (post.low, post.high), (face.bottom, face.top), patch, 0.0, post.probability
+        )
     bays = zip(pairwise(face.posts), face.sections, face.possible, strict=True)
     for bay, ((left, right), beams, possible) in enumerate(bays, 1):
         mapped = [beam for beam in beams if beam.probability >= LIKELY]

@@ -11,6 +11,9 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from savmap.plugin.hookspecs import hookimpl
 from savmap.types import (
     CrossRowLandmark,
@@ -32,6 +35,7 @@ from savmap.types import (
     Trajectory,
     View,
     ViewPlan,
+    ViewSpec,
 )
 from savmap_shelves.inspection.limits import ShelvesLimits
 from savmap_shelves.settings import ShelvesSettings
@@ -84,18 +88,8 @@ class Shelves:
     ) -> ViewPlan:
         from savmap_shelves.views import aim_at_face
 
-        def extract(view: View, detections: Sequence[Detection]) -> list[Feature]:
-            return self.extract_features(view, detections, None)
-
-        aim = aim_at_face(pass_preview, predict, extract, side, manual)
+        aim = aim_at_face(pass_preview, predict, side, manual)
         return replace(aim, views=tuple(replace(view, every=self.config.every) for view in aim.views))
-
-    @hookimpl
-    def extract_features(self, view: View, detections: Sequence[Detection], panorama: Panorama | None) -> list[Feature]:
-        from savmap_shelves.boundaries import extract_features
-
-        pixels = panorama if self.config.subpixel else None
-        return extract_features(view, detections, panorama=pixels, parts=self.config.plumb)
 
     @hookimpl
     def find(
@@ -111,10 +105,24 @@ class Shelves:
         return find(gather, path, points, facts, floor)
 
     @hookimpl
+    def measure(
+        self,
+        objects: Sequence[FoundObject],
+        spec: ViewSpec,
+        frame: int,
+        world_from_rig: Floats,
+        scores: NDArray[np.float32],
+        panorama: Panorama,
+    ) -> list[Feature]:
+        from savmap_shelves.edges import measure
+
+        return measure(objects, spec, frame, world_from_rig, scores, panorama, parts=self.config.plumb)
+
+    @hookimpl
     def track(self, features: Sequence[Feature], facts: RowFacts, start: Trajectory | None) -> list[Track]:
         from savmap_shelves.association import track_structures
 
-        tracks = track_structures(features, facts, start)
+        tracks = track_structures(features, facts)
         if not self.config.plumb or start is None:
             return tracks
         from savmap_shelves.inspection.shapes import straightened

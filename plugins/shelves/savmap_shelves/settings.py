@@ -83,8 +83,6 @@ class ShelvesSettings(BaseModel):
     """Whether it is measured how far each upright leans and is bowed along the aisle, and each beam is tilted and sags
     (attributes `lean_permille`, `bow_permille`, `tilt_permille` and `sag_m`), for `savmap inspect`. What clearly leans
     or is tilted is straightened for the solve; else nothing of the map depends on it."""
-    subpixel: bool = True
-    """Whether edges are measured in the panorama itself; false leaves them as masks have them."""
 
     @model_validator(mode="after")
     def _as_many_of_each(self) -> Self:

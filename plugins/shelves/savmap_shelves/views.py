@@ -6,12 +6,13 @@ Such a view is widened until it mostly shows two, which tracking needs.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
+import cv2
 import numpy as np
 
 from savmap.errors import StructureError
-from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
+from savmap.types import Detection, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.view_planning import (
     Face,
     Fitted,
@@ -25,8 +26,12 @@ from savmap.vision.view_planning import (
 )
 
 Predict = Callable[[View], list[Detection]]
-Extract = Callable[[View, Sequence[Detection]], list[Feature]]
 MAX_SLOPE = 0.2
+LEAST_UPRIGHT, FITTED, LOWEST = 0.5, 0.9, 0.4
+"""Uprights are this share of the rack's height in the picture (paper: 5/8 of the picture's; of thin dark ones a network
+often sees less), which is as high as the longest fills so much of, but no lower than that share of the picture."""
+LEAST_BEAM_PX, LEAST_ASPECT = 20.0, 1.5
+"""Shorter masks, or those less elongated, are no beams."""
 MOST_FRAMES = 0.6
 CACHED_VIEWS = 20
 SEEN_TOO = 0.3
@@ -37,7 +42,6 @@ HALF_HFOV_DEG, HALVES = 140.0, {"face low": -16.0, "face high": 16.0}
 def aim_at_face(
     pass_preview: PassPreview,
     predict: Predict,
-    extract: Extract,
     side: Side | None,
     manual: Mapping[str, Manual],
 ) -> ViewPlan:
@@ -46,7 +50,7 @@ def aim_at_face(
 
     def score(spec: ViewSpec, panorama: Panorama) -> float:
         view = pass_preview.view(panorama, spec)
-        return face_likeness(extract(view, predict(view)), view.spec)
+        return face_likeness(predict(view), view.spec)
 
     face: Face = choose_face(pass_preview, score, side)
     manual_face = manual.get("face", Manual())
@@ -54,7 +58,7 @@ def aim_at_face(
     if whole.warning and manual_face == Manual():
         notes = (*which_hand(face, side), "view face: too high for one view, two are used")
         return ViewPlan(halves(face), face.world_from_rig, face.travel, notes)
-    wide = widened(pass_preview, whole.spec, lambda view: count_uprights(extract(view, predict(view))), manual_face)
+    wide = widened(pass_preview, whole.spec, lambda view: len(uprights_in(predict(view), view.spec)), manual_face)
     notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
     return ViewPlan((wide.spec,), face.world_from_rig, face.travel, (*which_hand(face, side), *notes))
 
@@ -108,23 +112,32 @@ def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], i
     return fitted
 
 
-def count_uprights(features: Sequence[Feature]) -> int:
-    """How many uprights a view shows."""
-    return len({feature.instance for feature in features if feature.label == "upright"})
+def face_likeness(detections: Sequence[Detection], spec: ViewSpec) -> float:
+    """Length of level beams, in widths of the view, and of plumb uprights, in heights, each counted for both edges."""
+    level = sum(_elongated([mask for mask in detections if mask.label == "beam"], stands=False))
+    plumb = sum(uprights_in(detections, spec))
+    return 2 * (level / spec.width + plumb / spec.height)
 
 
-def face_likeness(features: Sequence[Feature], spec: ViewSpec) -> float:
-    """Length of level beams' edges, in widths of the view, and of plumb uprights' edges, in heights."""
-    total = 0.0
-    for feature in features:
-        if len(feature.pixels) != 2:
-            continue
-        along = np.abs(feature.pixels[1] - feature.pixels[0])
-        if feature.label == "beam" and along[1] < MAX_SLOPE * along[0]:
-            total += float(along[0]) / spec.width
-        if feature.label == "upright" and along[0] < MAX_SLOPE * along[1]:
-            total += float(along[1]) / spec.height
-    return total
+def uprights_in(detections: Sequence[Detection], spec: ViewSpec) -> list[float]:
+    """The heights of the plumb uprights that a view shows, px."""
+    heights = [*_elongated([mask for mask in detections if mask.label == "upright"], stands=True)]
+    tall = np.clip(max(heights, default=0.0) / FITTED, LOWEST * spec.height, spec.height)
+    return [height for height in heights if height >= LEAST_UPRIGHT * tall]
+
+
+def _elongated(detections: Sequence[Detection], stands: bool) -> Iterator[float]:
+    """The lengths, px, of masks that are long along the picture's columns, or its rows."""
+    for detection in detections:
+        mask = detection.mask.view(np.uint8)
+        moments = cv2.moments(mask, binaryImage=True)
+        length = float(cv2.boundingRect(mask)[3 if stands else 2])
+        along, across = ("mu02", "mu20") if stands else ("mu20", "mu02")
+        turn = 0.5 * np.arctan2(2 * moments["mu11"], moments[along] - moments[across])
+        thickness = moments["m00"] / max(length, 1.0)
+        is_long = length >= max(LEAST_BEAM_PX, LEAST_ASPECT * thickness)
+        if is_long and abs(np.tan(turn)) < MAX_SLOPE:
+            yield length
 
 
 def extent(detections: Sequence[Detection]) -> tuple[float, float] | None:

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
-from savmap.types import Bools, Floats, Ints, PlaneEvidence, PlanePatch, Structure, array_record
+from savmap.geometry import pinhole
+from savmap.types import Bools, Floats, Ints, PlaneEvidence, PlanePatch, Structure, ViewSpec, array_record
 
 TOLERANCE_M = 0.12
 """How far from a plane the corners of an outline in it may lie."""
@@ -17,6 +18,8 @@ MOST_CELLS = 4_000_000
 LEVEL = 0.7
 ODD, FEWEST_ALIKE = 0.1, 0.5
 LONG = 1.5
+NEAR = 0.02
+"""In front of a camera, as a share of the farthest corner's distance."""
 AROUND, NEAREST, ALIKE = 64, 8, 0.9
 
 
@@ -244,3 +247,17 @@ def _axes(normal: Floats) -> tuple[Floats, Floats]:
 def _along(covariances: Floats, directions: Floats) -> Floats:
     """Variances (n,) along unit directions (n, 3)."""
     return np.asarray(np.einsum("ni,nij,nj->n", directions, covariances, directions))
+
+
+def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:
+    """The outline (m, 2) px in a view of an outline (n, 3) in the row's frame: the part in front of the camera. None
+    where all is behind it."""
+    points = (outline - world_from_rig[:3, 3]) @ (world_from_rig[:3, :3] @ view.rig_from_view)
+    near = NEAR * float(np.abs(points).max())
+    kept: list[Floats] = []
+    for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
+        if first[2] >= near:
+            kept.append(first)
+        if (first[2] >= near) != (second[2] >= near):
+            kept.append(first + (near - first[2]) / (second[2] - first[2]) * (second - first))
+    return pinhole.project(np.array(kept), view.camera) if len(kept) >= 3 else None

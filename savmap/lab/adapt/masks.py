@@ -13,11 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.lab.adapt.faces import Face, Outline
+from savmap.lab.adapt.faces import Face, Outline, outline_in
 from savmap.lab.label.polygons import filled
 from savmap.types import Bools, Floats, PlaneEvidence, ViewSpec
 from savmap.vision.evidence import PackedView
-from savmap.vision.evidence.planes import outline_in
 
 IGNORE = 255
 BEHIND = -9.0

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.lab.adapt.faces import Outline
+from savmap.lab.adapt.faces import Outline, outline_in
 from savmap.lab.label.polygons import filled
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
@@ -18,7 +18,6 @@ from savmap.types.progress import Monitor
 from savmap.video.prefetch import prefetch
 from savmap.video.reader import panoramas
 from savmap.vision.evidence import PackedView
-from savmap.vision.evidence.planes import outline_in
 from savmap.vision.views import Renderer
 
 TRIED = 12

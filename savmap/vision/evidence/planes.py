@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from savmap.geometry import pinhole
 from savmap.types import (
     Floats,
     PlaneEvidence,
@@ -31,7 +30,6 @@ HALVED = 2
 MOST_VIEWS = 160
 JPEG_QUALITY = 80
 BORDER_PX = 2.0
-NEAR = 0.02
 REACH, TINY = 3.0, 1e-9
 FACING, FARTHEST = 0.3, 9.0
 BEYOND = 1.3
@@ -194,19 +192,6 @@ def _weights(across: Floats, heights: Floats, place: Floats) -> Singles:
 def _laid(values: Singles, values_from_cells: Floats, shape: tuple[int, ...]) -> Singles:
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(cv2.warpPerspective(values, values_from_cells, shape[::-1], flags=flags), np.float32)
-
-
-def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Floats | None:
-    """The outline (m, 2) px in a view of an outline (n, 3) in the row's frame: the part in front of the camera. None where all is behind it."""
-    points = (outline - world_from_rig[:3, 3]) @ (world_from_rig[:3, :3] @ view.rig_from_view)
-    near = NEAR * float(np.abs(points).max())
-    kept: list[Floats] = []
-    for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
-        if first[2] >= near:
-            kept.append(first)
-        if (first[2] >= near) != (second[2] >= near):
-            kept.append(first + (near - first[2]) / (second[2] - first[2]) * (second - first))
-    return pinhole.project(np.array(kept), view.camera) if len(kept) >= 3 else None
 
 
 def heights_shown(path: Trajectory, facts: RowFacts) -> tuple[float, float]:

@@ -4,4 +4,4 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-sys.path[:0] = [str(FOLDER), str(FOLDER / "boundaries"), str(FOLDER / "tracking")]
+sys.path.insert(0, str(FOLDER))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from savmap.errors import StructureError
-from savmap.geometry import pinhole
-from savmap.types import Feature, FrameTable, RowFacts, Trajectory, ViewSpec
+from savmap.types import Feature, FrameTable, RowFacts, ViewSpec
 from savmap_shelves.association import track_structures
 from savmap_shelves.constraints.track_grid import grid_of, is_part
 
@@ -32,7 +31,7 @@ def picture(frame: int) -> list[Feature]:
 
 
 def test_features_become_tracks_with_names_and_places() -> None:
-    tracks = {track.name: track for track in track_structures([*picture(2), *picture(0)], FACTS, None)}
+    tracks = {track.name: track for track in track_structures([*picture(2), *picture(0)], FACTS)}
     places = {name: dict(track.place) for name, track in tracks.items()}
     assert places == {
         "upright 1 / right / top": {"upright": 1, "side": "right", "end": "top"},
@@ -53,7 +52,7 @@ def test_parts_of_an_edge_are_one_track_that_the_grid_does_not_have() -> None:
         for x in (30.0, 50.0)
     ]
     parts += [replace(part, label="upright", part="left part", instance=1, object="upright 2") for part in parts]
-    tracks = track_structures([*picture(2), *picture(0), *parts], FACTS, None)
+    tracks = track_structures([*picture(2), *picture(0), *parts], FACTS)
     of_parts = {track.name: dict(track.place) for track in tracks if is_part(track)}
     assert of_parts == {
         "parts of bay 1 / beam 1 / lower": {"bay": 1, "beam": 1, "edge": "lower", "end": "part"},
@@ -63,39 +62,17 @@ def test_parts_of_an_edge_are_one_track_that_the_grid_does_not_have() -> None:
     assert grid_of(tracks) == grid_of([track for track in tracks if not is_part(track)])
 
 
-def test_a_corner_at_another_upright_than_its_bays_is_left_out() -> None:
-    wrong = [replace(f, object="upright 3") if f.object == "upright 2" else f for f in picture(0)]
-    names = {track.name for track in track_structures(wrong, FACTS, None)}
-    assert "bay 1 / beam 1 / lower left" in names
-    assert "bay 1 / beam 1 / upper right" not in names
-
-
-def test_of_two_instances_of_an_object_in_a_picture_the_better_is_taken() -> None:
-    worse = replace(feature("beam", "lower left", 7, "bay 1 / beam 1", 30.0), score=0.4)
-    (corner,) = (t for t in track_structures([worse, *picture(0)], FACTS, None) if t.name.endswith("lower left"))
-    assert corner.pixels.tolist() == [[20.0, 50.0]]
-
-
-def test_what_is_of_no_object_is_left_out_and_no_beam_is_an_error() -> None:
-    bare = [replace(f, object="") if f.label == "beam" else f for f in picture(0)]
+def test_no_beam_is_an_error() -> None:
+    bare = [feature for feature in picture(0) if feature.label == "upright"]
     with pytest.raises(StructureError, match="no beam"):
-        track_structures(bare, FACTS, None)
+        track_structures(bare, FACTS)
 
 
-def test_feet_that_stand_on_the_floor_are_tracked_by_the_path() -> None:
-    """Two on the floor, one that goods hide from below, and one that hardly any frame shows; the rig is 2 m away."""
-    pose = np.array([[1.0, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, -1, 2], [0, 0, 0, 1]])
-    path = Trajectory(np.arange(3), np.tile(pose, (3, 1, 1)))
-    feet = []
-    for number, y, frames in ((1, 0.0, 3), (2, 0.02, 3), (3, 0.3, 3), (4, 0.0, 2)):
-        ray = (np.array([0.5 * number, y, 0.0]) - pose[:3, 3]) @ pose[:3, :3] @ FACTS.views["face"].rig_from_view
-        pixel = pinhole.project(ray, FACTS.views["face"].camera)[None]
-        feet += [
-            Feature(k, "face", "upright", "foot", number - 1, pixel, np.eye(2)[None], object=f"upright {number}")
-            for k in range(frames)
-        ]
-    features = [*picture(0), *feet]
-    standing = {track.name: track for track in track_structures(features, FACTS, path) if track.name.endswith("foot")}
-    assert [*standing] == ["upright 1 / foot", "upright 2 / foot"]
-    assert standing["upright 1 / foot"].place == {"upright": 1, "side": "middle", "end": "foot"}
-    assert not any(track.name.endswith("foot") for track in track_structures(features, FACTS, None))
+def test_feet_are_tracks_of_their_own() -> None:
+    feet = [
+        Feature(k, "face", "upright", "foot", 0, np.array([[20.0, 95.0]]), np.eye(2)[None], object="upright 1")
+        for k in range(3)
+    ]
+    (foot,) = (track for track in track_structures([*picture(0), *feet], FACTS) if track.name.endswith("foot"))
+    assert foot.place == {"upright": 1, "side": "middle", "end": "foot"}
+    assert foot.frames.tolist() == [0, 1, 2]

@@ -1,4 +1,4 @@
-"""Features from simulated masks: corners where beams meet uprights, and the paper's rules for what is wrong."""
+"""Features from simulated masks: corners where beams meet uprights."""
 
 from collections.abc import Sequence
 
@@ -51,7 +51,6 @@ def test_exact_masks_give_exact_corners(row: tuple[Built, Drive]) -> None:
         pixel = project((bottom[1] - path.origins[index]) @ turn, VIEW.camera)
         own = [f for f in corners(observed_features(edges, VIEW)) if f.part == "lower right"]
         found += any(np.abs(f.pixels[0] - pixel).max() < 1e-6 for f in own)
-        assert all(f.neighbours["right"] >= 0 for f in own)
     assert found >= 6
 
 
@@ -66,22 +65,17 @@ def test_features_have_the_object_that_they_are_of(row: tuple[Built, Drive]) -> 
     for index, edges in enumerate(seen(row, MaskErrors(0.5, missed=0.1, duplicated=0.3, outliers=0.3))):
         turn = path.world_from_rig[index] @ VIEW.rig_from_view
         for feature in corners(observed_features(edges, VIEW)):
-            if feature.object:
-                corner = edges_of[feature.object][int("upper" in feature.part), int("right" in feature.part)]
-                pixel = project((corner - path.origins[index]) @ turn, VIEW.camera)
-                assert abs(feature.pixels[0, 1] - pixel[1]) < 5.0
+            corner = edges_of[feature.object][int("upper" in feature.part), int("right" in feature.part)]
+            pixel = project((corner - path.origins[index]) @ turn, VIEW.camera)
+            assert abs(feature.pixels[0, 1] - pixel[1]) < 5.0
             found.add(feature.object)
-    assert found == {"", *(name for name in edges_of if "beam" in name)}
+    assert found == {name for name in edges_of if "beam" in name}
 
 
-def test_duplicates_and_short_uprights_are_left_out(row: tuple[Built, Drive]) -> None:
+def test_duplicates_are_left_out(row: tuple[Built, Drive]) -> None:
     clean = sum(len(observed_features(edges, VIEW)) for edges in seen(row, MaskErrors(0.0)))
     doubled = sum(len(observed_features(edges, VIEW)) for edges in seen(row, MaskErrors(0.0, duplicated=1.0)))
     assert doubled == clean
-    short = [f for edges in seen(row, MaskErrors(0.0, incomplete=1.0)) for f in observed_features(edges, VIEW)]
-    uprights = [f for f in short if f.label == "upright" and len(f.pixels) == 2]
-    whole = [f for e in seen(row, MaskErrors(0.0)) for f in observed_features(e, VIEW) if len(f.pixels) == 2]
-    assert 0 < len(uprights) < 0.8 * sum(f.label == "upright" for f in whole)
 
 
 def test_biased_masks_are_wider_by_twice_the_bias(row: tuple[Built, Drive]) -> None:

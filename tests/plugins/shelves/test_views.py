@@ -7,13 +7,13 @@ import pytest
 
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
-from savmap.types import Detection, Feature, Panorama, View, ViewPlan, ViewSpec
+from savmap.types import Detection, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.view_planning import Face, Manual, PassPreview, Side
 from savmap.vision.views import Renderer
 from savmap_shelves import views
 from savmap_shelves.plugin import Shelves
 from savmap_shelves.settings import ShelvesSettings
-from savmap_shelves.views import cached, count_uprights, halves, which_hand, widened
+from savmap_shelves.views import cached, face_likeness, halves, uprights_in, which_hand, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -93,13 +93,27 @@ def test_two_views_reach_from_80_below_to_80_above_and_neither_sees_the_zenith_o
     assert np.isclose(min(reach), -80.0, atol=1.0)
 
 
-def test_uprights_are_counted_once() -> None:
-    line = np.array([[10.0, 0.0], [10.0, 479.0]])
-    edges = [
-        Feature(0, "face", label, part, number, line, np.stack([np.eye(2)] * 2), "y")
-        for label, part, number in (("upright", "left", 0), ("upright", "right", 0), ("upright", "left", 1))
-    ]
-    assert count_uprights(edges) == 2
+def masks(label: str, *boxes: tuple[int, int, int, int]) -> list[Detection]:
+    """Of boxes: first and last row, first and last column."""
+    detections = []
+    for top, bottom, left, right in boxes:
+        mask = np.zeros((SPEC.height, SPEC.width), np.bool_)
+        mask[top:bottom, left:right] = True
+        detections.append(Detection(label, 0.9, mask, mask.astype(np.float32)))
+    return detections
+
+
+def test_uprights_are_tall_and_plumb() -> None:
+    tall, short, fallen = (10, 450, 100, 110), (10, 120, 300, 310), (200, 215, 400, 600)
+    assert uprights_in(masks("upright", tall, short, fallen), SPEC) == [440.0]
+    assert uprights_in(masks("beam", tall), SPEC) == []
+
+
+def test_level_beams_and_plumb_uprights_make_a_face() -> None:
+    seen = [*masks("upright", (0, 480, 100, 110)), *masks("beam", (50, 60, 0, 320), (100, 110, 0, 15))]
+    assert face_likeness(seen, SPEC) == pytest.approx(2 * (1.0 + 0.5))
+    askew = np.eye(480, 640, dtype=np.bool_)
+    assert face_likeness([Detection("beam", 0.9, askew, askew.astype(np.float32))], SPEC) == 0.0
 
 
 @pytest.mark.parametrize(("travel", "hand", "other"), [(1, "left", "right"), (-1, "right", "left")])

@@ -13,7 +13,8 @@ END_WIDTHS = 0.75
 TRIM = 0.12
 """The margin at a beam's edges, in heights of the beam: goods, decks and their shadows begin there."""
 LABEL_M, LABEL_SIGMA_M = 0.001, 0.001
-"""The depth of marks in front of the beam's face: scratches, holes and paint 0, magnetic labels 1 mm, label holders 2 to 3 mm."""
+"""The depth of marks in front of the beam's face: scratches, holes and paint 0, magnetic labels 1 mm, label holders 2
+to 3 mm."""
 
 RIGHT, UP = np.eye(3)[0], np.eye(3)[1]
 

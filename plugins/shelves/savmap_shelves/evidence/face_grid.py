@@ -1,4 +1,4 @@
-"""The grid of a face in its own coordinates: from the tracked landmarks, the patch around it, and the outlines of its objects."""
+"""The grid of a face in its own coordinates, from the tracked landmarks, and the patch around it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -60,8 +60,8 @@ def tracked_grid(points: Mapping[str, Floats]) -> Grid | None:
 
 
 def _thick(levels: Floats, usual: float) -> Floats:
-    """Levels with their edges in order, at least half as thick as usual: in a first solution, a level's edges may be crossed. An edge that was not tracked is
-    as far from the other as usual."""
+    """Levels with their edges in order, at least half as thick as usual: in a first solution, a level's edges may
+    be crossed. An edge that was not tracked is as far from the other as usual."""
     levels = np.where(np.isfinite(levels), levels, levels[:, ::-1] + usual * np.array([-1.0, 1.0]))
     middle, half = levels.mean(axis=1, keepdims=True), np.abs(np.diff(levels, axis=1)) / 2
     return np.asarray(middle + np.maximum(half, usual / 4) * np.array([-1.0, 1.0]))

@@ -1,11 +1,10 @@
-"""Simulated masks' edges of racks, and their features as boundary detection would give them from pictures: for tests
-without pixels.
+"""Simulated masks' edges of racks, and their features as if they had been measured in pictures: for tests without
+pixels.
 
-What is not in a picture is not redone here: masks become strips, and from there on the rules and the intersections are
-those of `boundaries/`.
+What is not in a picture is not redone here: from lines on, features are those of `edges`.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,18 +16,9 @@ from savmap.lab.sim.drive.cart import Drive
 from savmap.lab.sim.drive.optics import Optics
 from savmap.lab.sim.observations import MaskErrors, ObservedEdge, Side, Strip, edge_offsets, observe_strips
 from savmap.lab.sim.scene.build import Built
-from savmap.types import Bools, Feature, Floats, Ints, View, ViewSpec
-from savmap_shelves.boundaries.features import (
-    Extraction,
-    Separators,
-    beam_features,
-    sorted_beams,
-    sorted_separators,
-    upright_edges,
-)
-from savmap_shelves.boundaries.measuring import LYING_PARTS, STANDING_PARTS
-from savmap_shelves.boundaries.settings import BoundarySettings
-from savmap_shelves.boundaries.strips import Strips
+from savmap.types import Feature, Floats, FoundObject, ViewSpec
+from savmap.vision.subpixel import Edges
+from savmap_shelves.edges import LYING_PARTS, SIDES, STANDING_PARTS, MeasuredMembers, Members, ViewFeatures
 from savmap_shelves.lab.rack import Curve, Rack, beam_curve, upright_curve, upright_starts
 
 SIGMA_PX = 0.7
@@ -129,7 +119,7 @@ def observed_parts(
     """Parts of the edges of the uprights and beams that `features` show, as they are measured in panoramas: off by
     `sigma_px`, and by what `errors` says of edges, each part by itself; the picture is warped by waves about as long as
     it is wide and high."""
-    instances = {(feature.frame, feature.object): feature.instance for feature in features if feature.object}
+    shown = {(feature.frame, feature.object) for feature in features}
     frame, rng = built.frames[row], np.random.default_rng([seed, 1 << 21])
     covariance = np.diag([errors.sigma_px**2] * 2)[None]
     of_row = [(member.truth, places) for member in members(built, row) for places in _parts_of(member)]
@@ -140,8 +130,7 @@ def observed_parts(
         camera = frame.to_row(origin)
         for (truth, places), off in zip(of_row, offsets[index], strict=True):
             near = abs(places[0, 0] - camera[0]) < REACH * abs(places[0, 2] - camera[2])
-            instance = instances.get((index, truth.object))
-            if not near or instance is None:
+            if not near or (index, truth.object) not in shown:
                 continue
             axis = 0 if truth.label == "upright" else 1
             pixels = project((places - camera) @ view_from_row.T, spec.camera) + rng.normal(0, errors.sigma_px, (2, 2))
@@ -150,7 +139,7 @@ def observed_parts(
             pixels[:, axis] += off * OUTWARDS[axis]
             for side, pixel in zip((UPRIGHT_SIDES, BEAM_SIDES)[axis], pixels, strict=True):
                 if (pixel > 0).all() and (pixel < [spec.width - 1, spec.height - 1]).all():
-                    name = truth.label, f"{side} part", instance
+                    name = truth.label, f"{side} part", 0
                     yield Feature(index, spec.name, *name, pixel[None], covariance, score=0.0, object=truth.object)
 
 
@@ -161,84 +150,35 @@ def _parts_of(member: BuiltMember) -> Iterator[Floats]:
     yield from np.swapaxes(member.points(along), 0, 1)
 
 
-def observed_features(
-    edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX, settings: BoundarySettings | None = None
-) -> list[Feature]:
-    """The features of one frame, each with the object that it is of, empty for an outlier's; `sigma_px` is what an
-    edge's end is taken to be off by."""
+def observed_features(edges: Sequence[ObservedEdge], spec: ViewSpec, sigma_px: float = SIGMA_PX) -> list[Feature]:
+    """The features of one frame; `sigma_px` is what an edge's end is taken to be off by. Masks of nothing have no
+    object, and of an object's the longest counts."""
     if not edges:
         return []
-    number = edges[0].frame
-    settings = settings or BoundarySettings()
-    frame = Extraction(_blank(spec, number), settings, settings.least_sigma_px)
-    standing, lying = _strips(edges, "upright", sigma_px), _strips(edges, "beam", sigma_px)
-    uprights_of, beams_of = _truths(edges, "upright"), _truths(edges, "beam")
-    separators = sorted_separators(frame, standing[_longest(standing, uprights_of)], spec.height)
-    strips = _in_cells(lying[_longest(lying, beams_of)], separators)
-    beams = sorted_beams(frame, strips[strips.two_edged])
-    objects = {
-        "upright": _objects(separators.strips[separators.kept], standing, uprights_of),
-        "beam": _objects(beams, lying, beams_of),
-    }
-    features = [*upright_edges(frame, separators), *beam_features(frame, beams, separators)]
-    return [replace(feature, object=objects[feature.label][feature.instance]) for feature in features]
+    view = ViewFeatures(spec, edges[0].frame)
+    uprights, beams = (_measured(edges, label, sigma_px) for label in SIDES)
+    return [*view.edges_of(uprights), *view.edges_of(beams), *view.corners(uprights, beams)]
 
 
-def _truths(edges: Sequence[ObservedEdge], label: str) -> list[str]:
-    """The object of each mask of a class, in the order of `_strips`."""
-    truths: Mapping[int, object] = {edge.instance: edge.truth for edge in edges if edge.label == label}
-    return [truth.object if isinstance(truth, Truth) else "" for truth in truths.values()]
-
-
-def _longest(strips: Strips, objects: Sequence[str]) -> Ints:
-    """Numbers of the strips without duplicates: of each object's the longest, and all that are of none."""
-    best: dict[str, int] = {}
-    for number in np.argsort(strips.length, kind="stable").tolist():
-        best[objects[number] or f"none {number}"] = number
-    return np.array(sorted(best.values()), np.int64)
-
-
-def _objects(kept: Strips, masks: Strips, objects: Sequence[str]) -> list[str]:
-    """The objects of the strips that are left of all masks."""
-    object_at = dict(zip(_middles(masks), objects, strict=True))
-    return [object_at[middles] for middles in _middles(kept)]
-
-
-def _middles(strips: Strips) -> list[tuple[float, float]]:
-    """Where the middles of a mask's edges are, which no rule moves."""
-    return list(zip(strips.upper.offset.tolist(), strips.lower.offset.tolist(), strict=True))
-
-
-def _blank(spec: ViewSpec, number: int) -> View:
-    picture = np.broadcast_to(np.zeros(1, dtype=np.uint8), (spec.height, spec.width, 3))
-    return View(spec, number, 0.0, picture)
-
-
-def _in_cells(beams: Strips, separators: Separators) -> Strips:
-    """Beams in the gap between separators that their middle lies in; without those whose middle is on a separator."""
-    column = (beams.first + beams.last) / 2
-    row = beams.upper.at(column)[:, None]
-    left, right = separators.strips.upper.at(row), separators.strips.lower.at(row)
-    covered = ((column[:, None] > left) & (column[:, None] < right)).any(axis=1)
-    cell: Ints = (column[:, None] > (left + right) / 2).sum(axis=1)
-    inside: Bools = np.logical_not(covered)
-    parts = list(vars(beams).values())
-    return Strips(parts[0], parts[1], cell, *parts[3:])[inside]
-
-
-def _strips(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> Strips:
-    """The masks of a class as strips: u along them, v across."""
-    masks: dict[int, dict[str, Floats]] = {}
+def _measured(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> MeasuredMembers:
+    """The members of a class that a frame's masks are of, as if they were measured."""
+    masks: dict[int, dict[str, ObservedEdge]] = {}
     for edge in edges:
-        if edge.label == label:
-            masks.setdefault(edge.instance, {})[edge.side] = edge.pixels
-    sides = ("left", "right") if label == "upright" else ("upper", "lower")
-    ends = np.array([[mask[side] for side in sides] for mask in masks.values()]).reshape(-1, 2, 2, 2)
-    ends = ends[..., ::-1] if label == "upright" else ends
-    upper, lower = (_lines(ends[:, side], sigma_px) for side in (0, 1))
-    first, last = np.fmin(upper.first, lower.first), np.fmax(upper.last, lower.last)
-    count = np.zeros(len(ends), dtype=np.int64)
-    return Strips(upper, lower, count, first, last, last - first, np.ones(len(ends)))
+        if edge.label == label and isinstance(edge.truth, Truth):
+            masks.setdefault(edge.instance, {})[edge.side] = edge
+    stands = label == "upright"
+    sides = [[mask[side].pixels for side in SIDES[label]] for mask in masks.values()]
+    ends = np.array(sides).reshape(-1, 2, 2, 2)[..., :: -1 if stands else 1]
+    objects = [truth.object for mask in masks.values() if isinstance(truth := next(iter(mask.values())).truth, Truth)]
+    longest: dict[str, int] = {}
+    for number in np.argsort(np.abs(np.diff(ends[:, 0, :, 0])).sum(axis=1), kind="stable").tolist():
+        longest[objects[number]] = number
+    chosen = ends[sorted(longest.values())]
+    lines = _lines(np.concatenate([chosen[:, 0], chosen[:, 1]]), sigma_px)
+    nothing = np.zeros(len(lines))
+    spans = Edges(lines, lines.first, lines.last, nothing, nothing, nothing, stands)
+    shown = [FoundObject(objects[number], label, np.zeros((4, 3)), 1.0) for number in sorted(longest.values())]
+    return MeasuredMembers(Members(shown, spans, np.ones(len(shown))), lines, np.ones(len(lines), np.bool_))
 
 
 def _lines(ends: Floats, sigma_px: float) -> Lines:
