@@ -8,6 +8,7 @@ edges of a beam cross those of the uprights that it ends at (paper, section III.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +23,11 @@ POINTS, NEAR = np.linspace(0.0, 1.0, 65)[:, None, None], 1e-3
 """Of an edge, which a view may show; and the least depth of these, in the camera's distance from the face."""
 SHORTEST_PX, LEAST_ASPECT = 20.0, 1.5
 """What a view shows shorter of an edge, or shorter beside the member's thickness, is not measured."""
-ACROSS, SEEN_QUANTILE, FAINTEST = (0.25, 0.5, 0.75), 80.0, 0.06
-"""A member is seen where this percentile of the scores on lines along it is no fainter."""
+ACROSS, MIDDLE = np.linspace(-0.5, 1.5, 33), slice(13, 20)
+"""Across a member, from one outline to the other: where scores are taken, and which of these are amid it."""
+SEEN_QUANTILE, FAINTEST, BAND = 80.0, 0.06, 0.15
+"""A member is seen where this percentile of the scores along it is no fainter; and how far from its outline, as a share
+of its thickness, a network may see its edge."""
 SAME = 0.4
 """Edges that are nearer to each other than this share of the member's thickness are one line."""
 LEAST_SIGMA_PX, ALONG_SIGMA_PX, UNMEASURED_PX = 0.02, 200.0, 0.8
@@ -113,12 +117,14 @@ def _members(
     outlines = np.array([item.outline for item in objects]).reshape(-1, 4, 3)
     # corners: lower left, lower right, upper right, upper left
     first_side, second_side = ((3, 0), (2, 1)) if stands else ((3, 2), (0, 1))
+    seen, score_of, inwards = _scored(outlines, stands, spec, camera, score)
+    inwards = inwards if stands else inwards[:, ::-1]
     ends = np.concatenate([outlines[:, first_side], outlines[:, second_side]])
     across = np.roll(ends, len(outlines), axis=0) - ends
+    ends = ends + inwards.T.reshape(-1, 1, 1) * across
     lines, first, last, at = _seen(ends, spec, camera, stands)
     counterpart, _ = _projected(at + across[:, 0], spec, camera, stands)
     thickness = np.abs(counterpart[:, 1] - lines.at((first + last) / 2))
-    seen, score_of = _scored(outlines, spec, camera, score)
     long = last - first >= np.maximum(SHORTEST_PX, LEAST_ASPECT * thickness)
     wanted = (lines.inliers > 0) & long & np.tile(seen, 2)
     shown = wanted[: len(objects)] | wanted[len(objects) :]
@@ -167,22 +173,38 @@ def _seen(
 
 
 def _scored(
-    outlines: Floats, spec: ViewSpec, camera: tuple[Floats, Floats], score: NDArray[np.float32]
-) -> tuple[Bools, Floats]:
-    """Which members the network sees in a view, and how much: the mean score on lines along them."""
+    outlines: Floats, stands: bool, spec: ViewSpec, camera: tuple[Floats, Floats], score: NDArray[np.float32]
+) -> tuple[Bools, Floats, Floats]:
+    """Which members (g,) the network sees in a view, how much, and how far (g, 2) inside of both outlines, as shares of
+    the member's thickness, its scores fall to half: `BAND` at most, for what is beyond it is something else."""
     if not len(outlines):
-        return np.zeros(0, np.bool_), np.zeros(0)
-    low, right, top = outlines[:, 0], outlines[:, 1] - outlines[:, 0], outlines[:, 3] - outlines[:, 0]
-    stands = np.linalg.norm(top, axis=1) > np.linalg.norm(right, axis=1)
-    along = np.where(stands[:, None], top, right)
-    across = np.where(stands[:, None], right, top)
-    points = np.concatenate([low + share * across + POINTS * along for share in ACROSS])
+        return np.zeros(0, np.bool_), np.zeros(0), np.zeros((0, 2))
+    right, up = outlines[:, 1] - outlines[:, 0], outlines[:, 3] - outlines[:, 0]
+    along, across = (up, right) if stands else (right, up)
+    points = outlines[:, 0] + ACROSS[:, None, None, None] * across + POINTS[::2] * along
     pixels, inside = _projected(points, spec, camera, False)
-    sizes = np.array(score.shape[::-1]) / [spec.width, spec.height]
-    column, row = np.moveaxis(np.clip((pixels * sizes).astype(int), 0, np.array(score.shape[::-1]) - 1), -1, 0)
-    shown = np.where(inside, score[row, column], np.nan)
-    shown[0, ~inside.any(axis=0)] = 0.0
-    return np.nanpercentile(shown, SEEN_QUANTILE, axis=0) > FAINTEST, np.nanmean(shown, axis=0)
+    at = np.asarray((pixels + 0.5) * (np.array(score.shape[::-1]) / [spec.width, spec.height]) - 0.5, np.float32)
+    flat = at.reshape(len(ACROSS), -1, 2)
+    shown = cv2.remap(score, flat[..., 0], flat[..., 1], cv2.INTER_LINEAR).reshape(inside.shape)
+    core = np.where(inside, shown, np.nan)[MIDDLE].mean(axis=0)
+    core[:, np.isnan(core).all(axis=0)] = 0.0
+    usual = np.nanpercentile(core, SEEN_QUANTILE, axis=0)
+    plain = np.nan_to_num(core) > usual / 2
+    profile = (shown * plain).sum(axis=1) / np.maximum(plain.sum(axis=0), 1)
+    half = np.maximum(usual, FAINTEST) / 2
+    inwards = np.stack([_half_at(profile[::turn], half) for turn in (1, -1)], axis=1)
+    return usual > FAINTEST, np.nanmean(core, axis=0), np.clip(inwards, -BAND, BAND)
+
+
+def _half_at(profile: Floats, half: Floats) -> Floats:
+    """How far (g,) inside of the first outline profiles (n, g) across members, from outside of it on, rise to a half
+    (g,) for the last time before the middle."""
+    middle, numbers = len(ACROSS) // 2, np.arange(len(half))
+    below = profile[: middle + 1] < half
+    last = middle - below[::-1].argmax(axis=0)
+    before, after = profile[last, numbers], profile[np.minimum(last + 1, middle), numbers]
+    share = np.clip((half - before) / np.maximum(after - before, 1e-9), 0.0, 1.0)
+    return np.where(below.any(axis=0), ACROSS[last] + share * (ACROSS[1] - ACROSS[0]), -BAND)
 
 
 @dataclass(frozen=True)
