@@ -36,7 +36,7 @@ def test_a_unit_is_told_where_it_is_the_likeliest_cause(
 def test_a_reference_that_is_alone_is_asked_for_its_unit(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is presumed of the floor was called the rest, which said 4.784 m of a camera at 3.05 m."""
     monkeypatch.setattr(reference_tests, "contradiction", lambda problem, what: SolveError(what))
-    problem: Any = SimpleNamespace(presumed={"floor": "feet may be hidden"})
+    problem: Any = SimpleNamespace(presumed={"floor": "feet may be hidden"}, relations=())
     height = ReferenceTest(ReferenceUse("camera height", 10.0, 0.02, 9.99), 4.784, 9.0, True)
     floor = ReferenceTest(ReferenceUse("floor", 0.0, 0.06, 0.0), 0.0, 0.0, False)
     with pytest.raises(SolveError, match=r"is given as 10\.000 m \+- 0.020 m, .*: is it in metres\?$"):

@@ -52,9 +52,17 @@ def test_two_missed_beams_are_two_warnings(four: made.World) -> None:
     assert np.abs(y).max() < 0.02
 
 
-def test_where_most_sections_disagree_the_contradiction_is_told(four: made.World) -> None:
+def test_where_most_sections_disagree_all_are_left_out_and_named(four: made.World) -> None:
+    solution = solve(blind(four, {1, 2, 3}))
+    assert {warning.code for warning in solution.warnings} == {"reference-conflict"}
+    assert {use.state for use in solution.references if use.name.startswith("height of")} == {"left out"}
+    _, y, _, _ = made.errors(four, solution)
+    assert np.abs(y).max() < 0.05
+
+
+def test_where_most_sections_disagree_and_nothing_else_gives_the_scale_the_row_is_refused(four: made.World) -> None:
     with pytest.raises(SolveError, match="contradict"):
-        solve(blind(four, {1, 2, 3}))
+        solve(blind(four, {1, 2, 3}, length=False))
 
 
 def test_heights_that_agree_are_all_used(four: made.World) -> None:

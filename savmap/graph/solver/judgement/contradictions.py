@@ -37,8 +37,8 @@ ABSURD = 10.0
 """What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
 NOTHING_SIGMA = 3.0
 """A distance that is no more standard deviations than these may be nothing."""
-LEAST_LEFT = 4
-"""So many references check one another: two of them give scale and place."""
+LEAST_LEFT, LEAST_CHECKED = 4, 3
+"""So many references check one another, and so few check one of them: two give scale and place."""
 SEVERAL, LARGE_SHARE = 3, 0.4
 """As many wrong references, at this share of all, are more likely those of another row than as many mistakes."""
 Place = tuple[float, float, float]
@@ -133,10 +133,28 @@ def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], est
     suspects = _suspects(agreed, explained, clear)
     lines = [f"{_line(problem, agreed, *suspect)}{_in_unit(agreed, *suspect)}" for suspect in suspects]
     if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
-        raise contradiction(problem, "; or ".join(lines[:NAMED]))
+        mistaken = frozenset[str]() if wanted == "refuse" else _mistaken(problem, agreed)
+        if not mistaken:
+            raise contradiction(problem, "; or ".join(lines[:NAMED]))
+        return _left_out(problem, estimate, agreed, mistaken, wanted == "check")
     if clear:
         return _left_out(problem, estimate, agreed, explained[0], wanted == "check")
     return _uncertain(problem, agreed, suspects, lines)
+
+
+def _mistaken(problem: Problem, agreed: Agreement) -> Names:
+    """References to parts that may have been taken for others, as many as must be left out, the one that deviates most
+    first, for the rest to agree and to check itself; or all of them, where others agree and tell what they would have;
+    none where that is not so. A part that was taken for another says nothing against a row."""
+    names = {relation.name for relation in problem.relations if relation.note_if_outlier}
+    parts, out = names.intersection(agreed.all_names), frozenset[str]()
+    while not agreed.agrees(out) and parts - out and len(agreed.all_names) - len(out) > LEAST_CHECKED:
+        deviations = agreed.deviations(out)
+        out |= {max(parts - out, key=lambda name: deviations[name])}
+    if agreed.agrees(out):
+        return out
+    every = frozenset(parts)
+    return every if agreed.agrees(every) and _is_credible(problem, agreed, every) else frozenset()
 
 
 def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:

@@ -142,9 +142,12 @@ def _test(solved: SolvedReference, covariance: Covariance, unseen: float) -> Ref
 
 
 def refuse_contradiction(problem: Problem, tests: Sequence[ReferenceTest]) -> None:
-    """Raises SolveError where references deviate grossly, naming those that deviate most; not for what is presumed."""
+    """Raises SolveError where references deviate grossly, naming those that deviate most; not for what is presumed, or
+    for parts that may have been taken for others where some other reference gives the scale."""
     presumed = problem.presumed
-    wrong = [test for test in tests if test.gross and test.use.name not in presumed]
+    parts = {item.name for item in problem.relations if item.note_if_outlier}
+    spared = {*presumed, *(parts if {test.use.name for test in tests} - parts - {*presumed} else ())}
+    wrong = [test for test in tests if test.gross and test.use.name not in spared]
     if wrong:
         lines = [test.line for test in sorted(wrong, key=lambda test: -test.deviation)[:3]]
         if sum(test.use.name not in presumed for test in tests) == 1:
