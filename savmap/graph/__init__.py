@@ -27,7 +27,7 @@ from savmap.graph.initial.start import published_start
 from savmap.graph.joint import solve_rows
 from savmap.graph.keys import KeySpace, frame_key
 from savmap.graph.measurements import Biases, ImageMeasurements, image_measurements, sight_lines
-from savmap.graph.problem import Problem, merge
+from savmap.graph.problem import Problem, found_references, merge
 from savmap.graph.references import (
     CameraHeight,
     CameraPriors,
@@ -71,6 +71,7 @@ __all__ = [
     "fixed_coordinate",
     "flat",
     "floor_constraints",
+    "found_references",
     "frame_key",
     "graph_of",
     "image_measurements",

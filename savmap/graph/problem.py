@@ -15,7 +15,7 @@ from savmap.graph.constraints import Constraints, Relation, factors_in
 from savmap.graph.factors.walked import walked_constraints
 from savmap.graph.keys import Variable, frame_key, is_frame
 from savmap.graph.measurements import ImageMeasurements, LinearForms, join, linear_forms
-from savmap.graph.references import CameraPriors, KnownLength, SurveyedPoint
+from savmap.graph.references import CameraPriors, KnownLength, References, SurveyedPoint
 from savmap.types import Axis, Floats, Ints
 
 SURE_PX, UNKNOWNS = 20.0, 6
@@ -226,6 +226,30 @@ def _reference_relations(
             yield from _point(point, parts, row)
 
 
+def found_references(
+    references: References, parts: Sequence[Constraints], row: str
+) -> tuple[References, Mapping[str, str]]:
+    """The references of which every landmark was found, and of the others, by name, a line that says so."""
+    names, missed = _names_of(parts), dict[str, str]()
+
+    def is_found(reference: str, *needed: str) -> bool:
+        for name in needed:
+            if name not in names:
+                missed[reference] = _not_found(name, names, row)
+        return reference not in missed
+
+    lengths = tuple(
+        item for item in references.lengths if is_found(f"length {item.start} to {item.end}", item.start, item.end)
+    )
+    points = tuple(item for item in references.points if is_found(f"surveyed {item.name}", item.name))
+    return replace(references, lengths=lengths, points=points), missed
+
+
+def _not_found(name: str, names: Sequence[str], row: str) -> str:
+    """What to tell the user of a reference to what was not found."""
+    return f"row {row}: reference to '{name}', but no such thing was found in the video{_nearest_name(name, names)}"
+
+
 def _uniquely_named(relations: Iterable[Relation]) -> Iterator[Relation]:
     """What is given twice is two references, either of which may be wrong: each has its name."""
     seen: dict[str, int] = {}
@@ -261,8 +285,7 @@ def _named_coordinate(name: str, parts: tuple[Constraints, ...], row: str) -> tu
             return part.coordinates[name]
         if name in part.keys:
             return None, part.keys[name]
-    hint = _nearest_name(name, _names_of(parts))
-    raise SiteError(f"row {row}: reference to '{name}', but no such thing was found in the video{hint}")
+    raise SiteError(_not_found(name, _names_of(parts), row))
 
 
 def _names_of(parts: Sequence[Constraints]) -> list[str]:

@@ -30,12 +30,14 @@ from savmap.pipeline.records import (
 )
 from savmap.pipeline.trust.verdict import judge
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import FoundObject, JointCovariance, PlanePatch, RowMap, Structure, Track, Trajectory
+from savmap.types import FoundObject, JointCovariance, MapWarning, PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.maps import SKIPPED, UNCHECKED
 from savmap.types.progress import Monitor, SilentMonitor
 
 ROOM_M = 0.3
 """Shown of a face around its structures."""
+NOT_FOUND = "what it is of was not found"
+"""Of a reference."""
 FIRST_SOLVE = graph.SolveOptions(rounds=2, judge=False)
 """Of a row that is to be recognised: its references are none that could be wrong."""
 
@@ -116,6 +118,7 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
         if plugin.failure is None:
             tracks[plugin.name] = plugin_tracks
             constraints[plugin.name] = graph.without_presumed(plugin_constraints) if floor else plugin_constraints
+    row = with_found_references(row, [*constraints.values(), *others])
     metric_path = None if assumed else path
     constraints, depths = with_flat_depths(row, constraints, others, metric_path)
     notes += [note_of(depth, row.request.name) for depth in depths if not depth.likely]
@@ -133,6 +136,14 @@ def track(row: LocatedRow, monitor: Monitor) -> TrackedRow:
             **{f"places that tell how deep {depth.landmark} lies": depth.sections for depth in depths if depth.likely},
         },
     )
+
+
+def with_found_references(row: LocatedRow, parts: Sequence[Constraints]) -> LocatedRow:
+    """The row without references to what was not found in it, each with a warning: that is no reason to map nothing."""
+    references, missed = graph.found_references(row.frames.references, parts, row.request.name)
+    warnings = [MapWarning("reference-conflict", (name,), NOT_FOUND, details=(line,)) for name, line in missed.items()]
+    measurements = replace(row.measurements, warnings=(*row.measurements.warnings, *warnings))
+    return replace(row, frames=replace(row.frames, references=references), measurements=measurements)
 
 
 def constrain(row: TrackedRow, monitor: Monitor) -> PosedRow:
@@ -369,7 +380,8 @@ def floor_constraints(row: LocatedRow) -> tuple[Constraints, ...]:
 
 def _solved(row: PosedRow, solution: graph.Solution | SolveError) -> SolvedRow:
     if isinstance(solution, SolveError):
-        raise solution
+        missed = [item.details[0] for item in row.measurements.warnings if item.figure == NOT_FOUND]
+        raise SiteError(missed[0]) if missed else solution
     return SolvedRow(**vars(row), solution=solution)
 
 

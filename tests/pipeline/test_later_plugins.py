@@ -5,7 +5,8 @@ import pytest
 
 from savmap.errors import SiteError, SolveError, StructureError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
-from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest
+from savmap.pipeline import row as rows
+from savmap.pipeline.records import LocatedRow, RowMeasurements, RowRequest, TrackedRow
 from savmap.pipeline.row import constrain, track
 from savmap.plugin.hookspecs import hookimpl
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
@@ -27,10 +28,13 @@ SEEN = RowMeasurements(
 
 def solved(rooms: list[LoadedPlugin], references: References, start_scale: float = 1.3) -> Solution:
     """By the engine's steps, from a start whose scale is wrong."""
+    return solve(constrain(tracked(rooms, references, start_scale), SilentMonitor()).problem)
+
+
+def tracked(rooms: list[LoadedPlugin], references: References, start_scale: float = 1.3) -> TrackedRow:
     start = made.path(start_scale)
     frames = camera_priors(made.FACTS, start, references)
-    row = LocatedRow(RowRequest("A", (), rooms, references), SEEN, start, frames)
-    return solve(constrain(track(row, SilentMonitor()), SilentMonitor()).problem)
+    return track(LocatedRow(RowRequest("A", (), rooms, references), SEEN, start, frames), SilentMonitor())
 
 
 def errors_m(solution: Solution) -> float:
@@ -55,10 +59,22 @@ def test_scale_that_no_plugin_gives_is_refused() -> None:
         solved(made.rooms(), made.references())
 
 
-def test_a_name_that_no_plugin_has_is_refused() -> None:
+def test_a_reference_to_what_was_not_found_is_left_out_and_named() -> None:
     length = made.renamed(made.LENGTH, "stripe corner 70")
+    row = tracked(made.rooms(known=True), made.references(length))
+    line = "row A: reference to 'stripe corner 70', but no such thing was found in the video"
+    assert [(item.code, item.details[0][: len(line)]) for item in row.measurements.warnings] == [
+        ("reference-conflict", line)
+    ]
+    solution = solve(constrain(row, SilentMonitor()).problem)
+    assert errors_m(solution) < 0.01
+
+
+def test_it_is_the_error_where_nothing_else_gives_the_scale() -> None:
+    length = made.renamed(made.LENGTH, "stripe corner 70")
+    row = constrain(tracked(made.rooms(), made.references(length)), SilentMonitor())
     with pytest.raises(SiteError, match="reference to 'stripe corner 70', but no such thing was found in the video"):
-        solved(made.rooms(), made.references(length))
+        rows._solved(row, SolveError("the scale is not known"))
 
 
 def test_locating_takes_missing_scale_from_the_start() -> None:

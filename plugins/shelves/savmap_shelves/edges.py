@@ -45,11 +45,13 @@ could be measured."""
 @dataclass(frozen=True, eq=False)
 class Members:
     """What a view shows of g members of one class: edges as lines v(u), those at smaller v first, with u along members:
-    rows of uprights, columns of beams."""
+    rows of uprights, columns of beams. `scored` (2 g,): edges that count where scores have them if the panorama does not
+    show them."""
 
     objects: Sequence[FoundObject]
     edges: Edges
     scores: Floats
+    scored: Bools
 
     @property
     def label(self) -> str:
@@ -63,6 +65,7 @@ class Members:
         off = np.abs(lines.at(middle) - self.edges.lines.at(middle))
         spacing = np.abs(lines.at(middle)[:count] - lines.at(middle)[count:])
         same = (spacing < SAME * self.edges.thickness[:count]) & seen[:count] & seen[count:]
+        seen = seen | self.scored
         farther = np.concatenate([same & (off[:count] > off[count:]), same & (off[:count] <= off[count:])])
         return MeasuredMembers(self, lines, seen & ~farther)
 
@@ -136,7 +139,8 @@ def _members(
     spans = first[both], last[both], inside[both], thickness[both], flank[both]
     edges = Edges(lines[both], *spans, stands=stands, patterned=stands, wanted=wanted[both])
     kept = [item for item, is_shown in zip(objects, shown.tolist(), strict=True) if is_shown]
-    return Members(kept, edges, score_of[shown])
+    scored = (np.abs(inwards.T.ravel()) < BAND) & wanted & stands
+    return Members(kept, edges, score_of[shown], scored[both])
 
 
 def _projected(points: Floats, spec: ViewSpec, camera: tuple[Floats, Floats], stands: bool) -> tuple[Floats, Bools]:
