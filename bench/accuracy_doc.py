@@ -26,7 +26,6 @@ WITHOUT = {
     f"{TEST_ROWS} --without occlusion": "test, without occlusion",
     f"{TEST_ROWS} --without 'shared levels'": "test, without shared levels",
     f"{TEST_ROWS} --without profile": "test, without profile",
-    f"{TEST_ROWS} --without 'rear image'": "test, without rear image",
 }
 """The ablation: terms of the face's model that were switched off."""
 DEVELOPMENT_ROWS = "rows, --count 9 --row both"

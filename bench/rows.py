@@ -65,7 +65,6 @@ TERMS: Mapping[str, Mapping[str, Any]] = {
     "occlusion": {"hidden": (0.0,), "chances": (1.0,)},
     "shared levels": {"shared": 0.0},
     "profile": {"profile": 1e3},
-    "rear image": {"rear": 0.0},
     "beams' plane": {},
 }
 """Terms of the face's model, and the parameters that switch them off. Without the beams' plane, what is solved of their

@@ -13,7 +13,6 @@ from savmap_lights.features import extract_features
 from savmap_lights.open_ends import LIGHT_BESIDE, is_whole, with_open_ends, with_remarks, with_solids
 from savmap_lights.scores import centre_of, score_lamps
 from savmap_lights.space.ties import ties
-from savmap_lights.space.unmapped import missing_lamps
 from savmap_lights.tracking import track_lamps
 
 LOST_M = 1.0  # a lamp whose place is not known better is left out
@@ -121,19 +120,12 @@ class Lights:
 
     @hookimpl
     def warnings(self, structures: Sequence[Structure]) -> list[door.MapWarning]:
-        """What shines on the lamps' line, is none of them, and was seen as often as they were; and where the spacing of
-        the others says that a lamp is missing."""
+        """What shines on the lamps' line, is none of them, and was seen as often as they were."""
         lights = [
             (float(lamp.attributes[LIGHT_BESIDE]), lamp) for lamp in structures if LIGHT_BESIDE in lamp.attributes
         ]
-        figures = [(f"light at x {x:.2f} m", x, lamp) for x, lamp in lights]
-        lamps = sorted(structures, key=lambda lamp: float(lamp.vertices[:, 0].mean()))
-        x = np.array([[lamp.vertices[:, 0].min(), lamp.vertices[:, 0].max()] for lamp in lamps]).reshape(-1, 2)
-        figures += [(f"no lamp at x {at:.2f} m, where their spacing has one", at, lamps[0]) for at in missing_lamps(x)]
-        return [
-            door.MapWarning("incomplete-map", (self.name,), figure, (at, *centre_of(lamp)[0, 1:].tolist()))
-            for figure, at, lamp in figures
-        ]
+        places = [(x, *centre_of(lamp)[0, 1:].tolist()) for x, lamp in lights]
+        return [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

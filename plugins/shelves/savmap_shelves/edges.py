@@ -45,8 +45,8 @@ could be measured."""
 @dataclass(frozen=True, eq=False)
 class Members:
     """What a view shows of g members of one class: edges as lines v(u), those at smaller v first, with u along members:
-    rows of uprights, columns of beams. `scored` (2 g,): edges that count where scores have them if the panorama does not
-    show them."""
+    rows of uprights, columns of beams. `scored` (2 g,): edges that count where scores have them if the panorama
+    does not show them."""
 
     objects: Sequence[FoundObject]
     edges: Edges
@@ -193,8 +193,8 @@ def _scored(
     core = np.where(inside, shown, np.nan)[MIDDLE].mean(axis=0)
     core[:, np.isnan(core).all(axis=0)] = 0.0
     usual = np.nanpercentile(core, SEEN_QUANTILE, axis=0)
-    plain = np.nan_to_num(core) > usual / 2
-    profile = (shown * plain).sum(axis=1) / np.maximum(plain.sum(axis=0), 1)
+    visible = np.nan_to_num(core) > usual / 2
+    profile = (shown * visible).sum(axis=1) / np.maximum(visible.sum(axis=0), 1)
     half = np.maximum(usual, FAINTEST) / 2
     inwards = np.stack([_half_at(profile[::turn], half) for turn in (1, -1)], axis=1)
     return usual > FAINTEST, np.nanmean(core, axis=0), np.clip(inwards, -BAND, BAND)

@@ -1,9 +1,8 @@
 """The face of a rack as one probabilistic model: posts along x, and beams up each section between two of them.
 
 Each is the best set of intervals on the evidence of all frames (savmap.vision.evidence.intervals). Priors tie members
-together: posts and beams are of few profiles, sections have levels in common, and a beam of the rear face, seen through
-an open bay, shows where the front one of the same level is, nearer to the camera's height by one ratio a row. Lengths
-are in cells, counted from the patch's lower left corner.
+together: posts and beams are of few profiles, and sections have levels in common. Lengths are in cells, counted from
+the patch's lower left corner.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,13 +27,9 @@ ROUNDS, SURE = 3, 5.0
 """Of reading all sections, each with what the others gave; a member that scores more tells the usual profile."""
 LEAST_SHOWN = 0.01
 """Cells that were seen less than this share of the usual are taken for unseen."""
-REAR_RATIOS, REAR_FOUND = np.arange(0.35, 0.9, 0.01), 8.0
-"""Ratios that are tried for rear members' heights above the camera, and the score from which on they are there."""
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
 """Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that
 tells their borders."""
-THINNER = 0.85
-"""Rear beams are thinner than this share of the usual thickness."""
 POSSIBLE = 0.01
 """What is less likely is absent."""
 
@@ -51,14 +46,13 @@ class Member:
 @dataclass(frozen=True, eq=False)
 class Face:
     """Posts from the left, beams of each section between two of them from the bottom up, and what may exist beside
-    these; how far up the posts show; and the rear members' ratio, 0 where none show."""
+    these; and how far up the posts show."""
 
     posts: tuple[Member, ...]
     sections: tuple[tuple[Member, ...], ...]
     possible: tuple[tuple[Member, ...], ...]
     bottom: float
     top: float
-    rear: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +60,14 @@ class FaceReader:
     """Reads the face in the evidence of all frames on the uprights' plane and on the beams', which is a patch of the
     same cells.
 
-    camera: its height above the patch's lower side, and its distance, in the patch's unit. floor: height above the
+    distance: of the camera, in the patch's unit. floor: height above the
     lower side; sizes: the posts' usual width and the beams' usual thickness; None where they are not known. least_seen:
     the share of a post's height, in the least of its columns, below which none is.
     """
 
     uprights: PlaneEvidence
     beams: PlaneEvidence
-    camera: tuple[float, float]
+    distance: float
     floor: float | None
     parameters: FaceParameters
     sizes: tuple[float | None, float | None] = (None, None)
@@ -82,7 +76,7 @@ class FaceReader:
     @property
     def cell(self) -> float:
         """A cell's side as a share of the camera's distance."""
-        return self.uprights.patch.cell / self.camera[1]
+        return self.uprights.patch.cell / self.distance
 
     def cells(self, share: float) -> int:
         """How many cells a share of the camera's distance is."""
@@ -106,7 +100,7 @@ class FaceReader:
         if len(posts.cells) < 2:
             return None
         between = self.sections_between(posts, top)
-        sections, rear = between.read()
+        sections = between.read()
         first = between.first
         cell = self.uprights.patch.cell
         rows = slice(bottom, top)
@@ -129,7 +123,6 @@ class FaceReader:
             tuple(tuple(_possible(section, first, cell)) for section in sections),
             bottom * cell,
             top * cell,
-            rear,
         )
 
     def means(self, evidence: PlaneEvidence, label: str) -> Floats:
@@ -235,11 +228,6 @@ class Sections:
     first: int
 
     @property
-    def camera(self) -> float:
-        """The camera's height, in cells above the first row."""
-        return self.reader.camera[0] / self.reader.uprights.patch.cell - self.first
-
-    @property
     def widths(self) -> Ints:
         """Possible thicknesses of beams (w,), in cells."""
         return np.arange(NARROWEST, self.reader.cells(HIGHEST))
@@ -249,16 +237,15 @@ class Sections:
         """Least gap between two beams, in cells."""
         return self.reader.cells(self.reader.parameters.gap)
 
-    def read(self) -> tuple[list[Intervals], float]:
-        """The beams of all sections, and the rear members' ratio."""
-        shown, sections, usual, rear = self.shown(None), list[Intervals](), None, 0.0
+    def read(self) -> list[Intervals]:
+        """The beams of all sections."""
+        shown, sections, usual = self.shown(None), list[Intervals](), None
         for turn in range(ROUNDS + 1):
-            sections = best_intervals(self.scores(shown, sections, usual, rear), self.widths, self.gap)
+            sections = best_intervals(self.scores(shown, sections, usual), self.widths, self.gap)
             usual = usual_width(sections)
             if turn == 1 and usual is not None:
                 shown = self.shown(self.paint(sections))
-                rear = rear_ratio(shown, sections, self.widths, self.camera, usual)
-        return sections, rear
+        return sections
 
     def shown(self, paint: Sequence[Floats] | None) -> list[Floats]:
         """Scores (n, w) of intervals in each section by its cells, with what paint adds to their ratios."""
@@ -279,21 +266,12 @@ class Sections:
                 members[number, low:high, slice(*span)] = True
         return paint_ratios(self.picture, [*members], [*groups], self.reader.parameters.paint_limit)
 
-    def scores(
-        self, shown: Sequence[Floats], sections: Sequence[Intervals], usual: float | None, rear: float
-    ) -> list[Floats]:
+    def scores(self, shown: Sequence[Floats], sections: Sequence[Intervals], usual: float | None) -> list[Floats]:
         """Scores (n, w) of intervals in each section with their log prior, by an earlier reading of all sections, if
-        there is one, the usual thickness, and the rear members' ratio."""
+        there is one, and the usual thickness."""
         middles = np.arange(len(self.ratios))[:, None] + self.widths / 2
         profile = self.reader.profile(self.widths, usual)
-        scores = [score + profile + self._levels(k, sections, middles) for k, score in enumerate(shown)]
-        if not rear or usual is None:
-            return scores
-        images = [self.camera + rear * (_of_front(section, usual) - self.camera) for section in sections]
-        return [
-            score + self.reader.parameters.rear * _is_rear(middles, self.widths, image, section, usual)
-            for score, image, section in zip(scores, images, sections, strict=True)
-        ]
+        return [score + profile + self._levels(k, sections, middles) for k, score in enumerate(shown)]
 
     def _levels(self, number: int, sections: Sequence[Intervals], middles: Floats) -> Floats:
         """Log rate of beams at middles (n, w), by how many of the other sections have one there."""
@@ -319,38 +297,6 @@ def usual_width(sections: Sequence[Intervals]) -> float | None:
     widths = [np.diff(section.cells, axis=1)[section.score > SURE, 0] for section in sections]
     sure = np.concatenate(widths) if widths else np.zeros(0)
     return float(np.median(sure)) if len(sure) else None
-
-
-def rear_ratio(
-    shown: Sequence[Floats], sections: Sequence[Intervals], widths: Ints, camera: float, usual: float
-) -> float:
-    """The ratio at which rear members of the sections' beams show most, above the camera's row; 0 where none do."""
-    best, likeliest = REAR_FOUND, 0.0
-    for ratio in REAR_RATIOS.tolist():
-        column = int(np.clip(round(ratio * usual) - widths[0], 0, len(widths) - 1))
-        total = 0.0
-        for scores, section in zip(shown, sections, strict=True):
-            middles = _of_front(section, usual)
-            for image in camera + ratio * (middles - camera):
-                first = round(float(image) - float(widths[column]) / 2)
-                if np.abs(middles - image).min() > usual and 1 <= first < len(scores) - 1:
-                    total += max(float(scores[first - 1 : first + 2, column].max()), -1.0)
-        if total > best:
-            best, likeliest = total, ratio
-    return likeliest
-
-
-def _is_rear(middles: Floats, widths: Ints, images: Floats, section: Intervals, usual: float) -> Floats:
-    """Which intervals (n, w) may be rear members of a section's beams: thinner, where the images (k,) are, and not at a
-    beam's own place."""
-    at_front = np.abs(_of_front(section, usual) - images) < usual
-    at = (np.abs(middles[..., None] - images[~at_front]) < usual / 4).any(axis=-1)
-    return np.asarray(at & (widths < THINNER * usual), np.float64)
-
-
-def _of_front(section: Intervals, usual: float) -> Floats:
-    """The middles (k,) of a section's beams that are not thinner than those of the front."""
-    return np.asarray(section.cells.mean(axis=1)[np.diff(section.cells, axis=1)[:, 0] >= THINNER * usual])
 
 
 def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]:

@@ -52,11 +52,10 @@ def face_reader(
     patch = upright_patch(path, facts, CELL)
     uprights, depth = gather(patch), beam_depth(points)
     beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
-    camera = float(np.median(places[:, 1])) - float(patch.origin[1]), distance
     below = None if floor is None else floor - float(patch.origin[1])
     grid = tracked_grid(points)
     sizes = (grid.width, grid.thickness) if grid else (None, None)
-    return FaceReader(uprights, beams, camera, below, fitted(), sizes, POST_SEEN if facts.sees_in_part else 0.0)
+    return FaceReader(uprights, beams, distance, below, fitted(), sizes, POST_SEEN if facts.sees_in_part else 0.0)
 
 
 def beam_depth(points: Mapping[str, np.ndarray]) -> float:

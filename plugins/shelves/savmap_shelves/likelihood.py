@@ -24,7 +24,7 @@ class FaceParameters:
     hidden, chances: shares of a member that goods may hide, and their probabilities. along, across: over what lengths
     pictures say the same. post, level: log rates of a member at a place. shared: log ratio of a level that all other
     sections have to one that none has. profile: spread of the members' thickness about the usual one. gap: least gap
-    between two beams. rear: log ratio of a rear member to a front one where one shows.
+    between two beams.
     paint, paint_limit: weight of what paint says, and its greatest log ratio.
     """
 
@@ -40,7 +40,6 @@ class FaceParameters:
     shared: float
     profile: float
     gap: float
-    rear: float
     paint: float
     paint_limit: float
 

@@ -54,6 +54,11 @@ def aim_at_face(
 
     face: Face = choose_face(pass_preview, score, side)
     manual_face = manual.get("face", Manual())
+    if not any(predict(view) for view in pass_preview.views(face.spec)):
+        raise StructureError(
+            f"view face: none of {len(pass_preview.keys)} pictures, evenly spaced over the pass, shows an upright or a "
+            "beam; check the video and its `side`, or give the view's angles in the site file"
+        )
     whole = fit_height(pass_preview, face, lambda view: extent(predict(view)), manual=manual_face, name="face")
     if whole.warning and manual_face == Manual():
         notes = (*which_hand(face, side), "view face: too high for one view, two are used")
@@ -98,17 +103,14 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
 
 
 def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
-    """The view, or the narrowest wider one that shows two uprights in most key frames. Raises StructureError where no
-    key frame shows two, however wide the view: such a pass need not be looked at whole."""
+    """The view, or the narrowest wider one that shows two uprights in most key frames; as it is where no key frame
+    shows two, however wide: all frames together may."""
     shown = [count(view) for view in pass_preview.views(spec)]
     if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
         return Fitted(spec)
     fitted = fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
     if fitted.warning and max(*shown, *(count(view) for view in pass_preview.views(fitted.spec))) < 2:
-        raise StructureError(
-            f"view {spec.name}: none of {len(shown)} pictures, evenly spaced over the pass, shows two uprights; check "
-            "the video and its `side`, or give the view's angles in the site file"
-        )
+        return Fitted(spec, f"view {spec.name}: none of {len(shown)} pictures, evenly spaced, shows two uprights")
     return fitted
 
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from painted_face import CELL, DISTANCE, HEIGHT, LEVELS, PAINTED, POSTS, Band, PaintedFace
+from painted_face import CELL, DISTANCE, LEVELS, PAINTED, POSTS, Band, PaintedFace
 
 from savmap.types import Floats
 from savmap.vision.evidence.intervals import best_intervals
@@ -13,14 +13,13 @@ from savmap_shelves.face_model import Face, FaceReader, Member, measured_members
 from savmap_shelves.likelihood import fitted
 from savmap_shelves.paint import paint_ratios
 
-CAMERA = HEIGHT, DISTANCE
 UNSURE = 0.27
 """The mean score of a beam that may be one or not."""
 
 
 def read(face: PaintedFace, floor: float | None = None) -> Face:
     evidence = face.evidence()
-    found = FaceReader(evidence, evidence, CAMERA, floor, fitted()).read()
+    found = FaceReader(evidence, evidence, DISTANCE, floor, fitted()).read()
     assert found is not None
     return found
 
@@ -52,32 +51,19 @@ def test_posts_and_beams_are_read_to_a_part_of_a_cell() -> None:
     assert all(member.probability > 0.99 for members in (face.posts, *face.sections) for member in members)
     assert (face.bottom, face.top) == (pytest.approx(0.2, abs=2 * CELL), pytest.approx(4.0, abs=2 * CELL))
     assert not any(face.possible)
-    assert face.rear == 0
 
 
 def test_nothing_is_read_where_nothing_is_seen() -> None:
     evidence = PaintedFace(posts=(), sections=()).evidence()
-    assert FaceReader(evidence, evidence, CAMERA, None, fitted()).read() is None
+    assert FaceReader(evidence, evidence, DISTANCE, None, fitted()).read() is None
     unseen = replace(evidence, weight=0 * evidence.weight)
-    assert FaceReader(unseen, unseen, CAMERA, None, fitted()).read() is None
+    assert FaceReader(unseen, unseen, DISTANCE, None, fitted()).read() is None
 
 
 def test_a_beam_that_goods_hide_by_half_is_read() -> None:
     face = read(PaintedFace().draw("beam", (4.7, 6.0), LEVELS[1], 0.02))
     assert edges(face.sections[1])[1] == pytest.approx(np.array(LEVELS[1]), abs=0.3 * CELL)
     assert likely(face, 1, LEVELS[1]) > 0.99
-
-
-def test_beams_of_the_rear_face_are_no_beams() -> None:
-    """They show in all bays, thinner, nearer to the camera's height by one ratio."""
-    face, ratio = PaintedFace(), 0.55
-    for left, right in pairwise(POSTS):
-        for level in LEVELS:
-            low, high = (HEIGHT + ratio * (edge - HEIGHT) for edge in level)
-            face.draw("beam", (left[1], right[0]), (low, high), 0.4)
-    found = read(face)
-    assert found.rear == pytest.approx(ratio, abs=0.02)
-    assert [len(section) for section in found.sections] == [3, 3, 3]
 
 
 def test_what_other_sections_have_makes_a_beam_likelier() -> None:

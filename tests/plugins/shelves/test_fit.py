@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from painted_face import DISTANCE, HEIGHT, LEVELS, POSTS, PaintedFace
+from painted_face import DISTANCE, LEVELS, POSTS, PaintedFace
 
 from savmap.types import FoundObject
 from savmap_shelves.face_model import FaceReader
@@ -26,7 +26,7 @@ SURVEY = {"uprights": [list(post) for post in POSTS], "sections": [{"beams": [li
 
 def surveyed(painted: PaintedFace) -> SurveyedFace:
     evidence = painted.evidence()
-    reader = FaceReader(evidence, evidence, (HEIGHT, DISTANCE), None, GUESS)
+    reader = FaceReader(evidence, evidence, DISTANCE, None, GUESS)
     return SurveyedFace(reader, LaidSurvey(np.array(POSTS), (np.array(LEVELS),) * 3))
 
 

@@ -73,9 +73,18 @@ def test_no_view_is_wide_enough(pass_preview: PassPreview) -> None:
     assert "fewer than 2" in (widened(pass_preview, SPEC, in_few_pictures, Manual()).warning or "")
 
 
-def test_a_pass_that_never_shows_two_uprights_is_refused(pass_preview: PassPreview) -> None:
-    with pytest.raises(StructureError, match=r"none of \d+ pictures, evenly spaced over the pass, shows two uprights"):
-        widened(pass_preview, SPEC, lambda view: 1, Manual())
+def test_a_pass_that_never_shows_two_uprights_is_looked_at_as_it_is(pass_preview: PassPreview) -> None:
+    fitted = widened(pass_preview, SPEC, lambda view: 1, Manual())
+    assert fitted.spec == SPEC
+    assert "none of 5 pictures, evenly spaced, shows two uprights" in (fitted.warning or "")
+
+
+def test_a_pass_that_shows_no_rack_at_all_is_refused(
+    pass_preview: PassPreview, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(views, "choose_face", lambda *_: Face(SPEC, 1, 1.0))
+    with pytest.raises(StructureError, match="none of 5 pictures, evenly spaced over the pass, shows an upright or a"):
+        views.aim_at_face(pass_preview, lambda view: [], None, {})
 
 
 def test_two_views_reach_from_80_below_to_80_above_and_neither_sees_the_zenith_or_nadir() -> None:

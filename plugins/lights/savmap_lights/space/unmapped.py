@@ -1,4 +1,4 @@
-"""Light on the line of lamps that no mapped lamp explains, and lamps that their spacing says are missing."""
+"""Light on the line of lamps that no mapped lamp explains."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,21 +64,6 @@ def spacing_of(middles: Floats) -> tuple[float, float] | None:
     ]
     count, step, x = max(fitting, default=(0, 0.0, 0.0))
     return (x, step) if count >= max(FEWEST, MOST * len(middles)) else None
-
-
-def missing_lamps(reaches: Floats) -> list[float]:
-    """Where a lamp would be, x m, by the spacing of lamps that start and stop at these x (n, 2), in order: in gaps
-    between them, and next to either end of their line, there the far end of the one that is missing. None where they
-    have no common spacing."""
-    middles = reaches.mean(axis=1)
-    if (spaced := spacing_of(middles)) is None:
-        return []
-    half = float(np.median(np.diff(reaches, axis=1))) / 2
-    x, step = spaced
-    taken = np.round((middles - x) / step).astype(int)
-    between = [k for k in range(int(taken.min()), int(taken.max())) if k not in taken]
-    places = [x + k * step for k in between if (np.abs(middles - x - k * step) > step / 2).all()]
-    return [float(middles[0] - step - half), *places, float(middles[-1] + step + half)]
 
 
 def _off_step(along: Floats | float, step: float) -> Floats:

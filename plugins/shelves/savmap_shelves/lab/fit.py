@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from savmap.types import Bools, Floats, FoundObject, Ints
 from savmap.vision.evidence.intervals import Intervals, log_partitions
-from savmap_shelves.face_model import POSTS_APART, FaceReader, Sections, extent, rear_ratio, usual_width
+from savmap_shelves.face_model import POSTS_APART, FaceReader, Sections, extent, usual_width
 from savmap_shelves.likelihood import FaceParameters
 from savmap_shelves.report.evaluation import read_row
 
@@ -28,7 +28,6 @@ SPREADS: Mapping[str, float] = {
     "chances": 1.0,
     "post": 2.0,
     "level": 2.0,
-    "rear": 3.0,
 }
 """Standard deviations of parameters about the first guess: few rows do not tell all of them."""
 LOGARITHMIC = ("along", "profile", "shared", "paint", "chances")
@@ -149,14 +148,13 @@ class SurveyedLine:
 class Example:
     """A surveyed face as the lines that the model reads: of posts, over the patch's whole height as they are first
     read, and between their ends; and of beams in each of the `sections`. The members as they are read nearest to the
-    surveyed ones: the posts' usual width in cells, and `beams`; and the rear members' ratio."""
+    surveyed ones: the posts' usual width in cells, and `beams`."""
 
     posts: tuple[SurveyedLine, SurveyedLine]
     width: float
     sections: Sections
     lines: tuple[SurveyedLine, ...]
     beams: tuple[Intervals, ...]
-    rear: float
 
     @classmethod
     def of(cls, face: SurveyedFace, parameters: FaceParameters) -> Self:
@@ -174,11 +172,9 @@ class Example:
         width = usual_width([nearest(reader.scores(ratios[slice(*rows)].T, widths), widths, posts)])
         sections = reader.sections_between(cells, rows[1])
         levels = [(y - patch.origin[1]) / patch.cell - sections.first for y in face.survey.sections]
-        scores, rear = sections.shown(None), 0.0
+        scores = sections.shown(None)
         beams = [nearest(score, sections.widths, level) for score, level in zip(scores, levels, strict=True)]
-        paint, usual = sections.paint(beams), usual_width(beams)
-        if usual is not None:
-            rear = rear_ratio(sections.shown(paint), beams, sections.widths, sections.camera, usual)
+        paint = sections.paint(beams)
         means = reader.means(reader.beams, "beam")[sections.first :][: len(sections.ratios)]
         lines = [
             SurveyedLine.of(
@@ -186,7 +182,7 @@ class Example:
             )
             for span, said, level in zip(sections.spans, paint, levels, strict=True)
         ]
-        return cls((first, last), width or float(np.diff(posts).mean()), sections, tuple(lines), tuple(beams), rear)
+        return cls((first, last), width or float(np.diff(posts).mean()), sections, tuple(lines), tuple(beams))
 
     def scored(self, parameters: FaceParameters) -> Iterator["ScoredLine"]:
         """All lines with the scores that parameters give."""
@@ -198,7 +194,7 @@ class Example:
         shown = [
             reader.block_scores(line.ratios(parameters.beam, parameters.paint), sections.widths) for line in self.lines
         ]
-        of_beams = sections.scores(shown, self.beams, usual_width(self.beams), self.rear)
+        of_beams = sections.scores(shown, self.beams, usual_width(self.beams))
         for score, line in zip(of_beams, self.lines, strict=True):
             yield ScoredLine(score, sections.widths, line.surveyed)
 
