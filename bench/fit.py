@@ -42,7 +42,7 @@ def surveyed(site: Path, output: Path) -> SurveyedFace:
         survey, reader = survey_on_face(site, face), face.reader
         mapped = [item for item in face.row.measurements.objects["shelves"] if item.is_mapped]
         written = {
-            "reader": [reader.uprights, reader.beams, reader.distance, reader.floor],
+            "reader": [reader.uprights, reader.beams, reader.distance, reader.floor, reader.sizes],
             "posts": survey.posts,
             "sections": survey.sections,
             "share": np.mean([exists for _, exists in survey.existing(mapped)]),
@@ -51,8 +51,8 @@ def surveyed(site: Path, output: Path) -> SurveyedFace:
     content: dict[str, Any] = unpacked(kept.read_bytes(), dict)
     if content["share"] < LEAST_SHARE:
         raise StructureError(f"only {100 * content['share']:.0f} % of what was found is where the survey has something")
-    uprights, beams, distance, floor = content["reader"]
-    reader = FaceReader(uprights, beams, distance, floor, stored(GUESS))
+    uprights, beams, distance, floor, sizes = content["reader"]
+    reader = FaceReader(uprights, beams, distance, floor, stored(GUESS), sizes)
     return SurveyedFace(reader, LaidSurvey(content["posts"], content["sections"]))
 
 

@@ -27,6 +27,9 @@ ROUNDS, SURE = 3, 5.0
 """Of reading all sections, each with what the others gave; a member that scores more tells the usual profile."""
 LEAST_SHOWN = 0.01
 """Cells that were seen less than this share of the usual are taken for unseen."""
+UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
+"""Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that
+tells their borders."""
 POSSIBLE = 0.01
 """What is less likely is absent."""
 
@@ -58,8 +61,8 @@ class FaceReader:
     same cells.
 
     distance: of the camera, in the patch's unit. floor: height above the
-    lower side, None where it is not known. least_seen: the share of a post's height, in the least of its columns, below
-    which none is.
+    lower side; sizes: the posts' usual width and the beams' usual thickness; None where they are not known. least_seen:
+    the share of a post's height, in the least of its columns, below which none is.
     """
 
     uprights: PlaneEvidence
@@ -67,6 +70,7 @@ class FaceReader:
     distance: float
     floor: float | None
     parameters: FaceParameters
+    sizes: tuple[float | None, float | None] = (None, None)
     least_seen: float = 0.0
 
     @property
@@ -99,9 +103,23 @@ class FaceReader:
         sections = between.read()
         first = between.first
         cell = self.uprights.patch.cell
+        rows = slice(bottom, top)
+        width, thickness = (None if size is None else size / cell for size in self.sizes)
+        (places,) = measured_members([posts], [self.means(self.uprights, "upright")[rows].T], width)
+        shown = [self.means(self.beams, "beam")[first:, slice(*span)] for span in between.spans]
+        levels = measured_members(sections, shown, thickness)
         return Face(
-            tuple(_members(posts, 0, cell)),
-            tuple(tuple(_members(section, first, cell)) for section in sections),
+            tuple(
+                Member(float(place[0] * cell), float(place[1] * cell), likely)
+                for place, likely in zip(places, posts.existing.tolist(), strict=True)
+            ),
+            tuple(
+                tuple(
+                    Member(float((first + level[0]) * cell), float((first + level[1]) * cell), likely)
+                    for level, likely in zip(places, section.existing.tolist(), strict=True)
+                )
+                for places, section in zip(levels, sections, strict=True)
+            ),
             tuple(tuple(_possible(section, first, cell)) for section in sections),
             bottom * cell,
             top * cell,
@@ -281,11 +299,66 @@ def usual_width(sections: Sequence[Intervals]) -> float | None:
     return float(np.median(sure)) if len(sure) else None
 
 
-def _members(intervals: Intervals, first: int, cell: float) -> Iterator[Member]:
-    for (low, high), probability in zip(intervals.cells.tolist(), intervals.existing.tolist(), strict=True):
-        yield Member((first + low) * cell, (first + high) * cell, probability)
-
-
 def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]:
     for low, high, probability in intervals.others(POSSIBLE):
         yield Member((low + first) * cell, (high + first) * cell, probability)
+
+
+def measured_members(
+    intervals: Sequence[Intervals], scores: Sequence[Floats], solved: float | None
+) -> list[list[Floats]]:
+    """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells:
+    where the score falls to half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits
+    its scores best: something hides one of its borders or adjoins it. Scores are blurred; where the usual width was
+    `solved`, in cells, all members become thinner by as much."""
+    usual = usual_width(intervals) or 1.0
+    measured = [
+        [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
+    ]
+    widths = np.array([member[1] - member[0] for members in measured for member in members])
+    alike = widths[np.abs(widths - usual) < max(UNEVEN * usual, 1.0)]
+    usual = float(np.median(alike)) if len(alike) else usual
+    room, blur = max(UNEVEN * usual, 0.5), 0.0 if solved is None else max(usual - solved, 0.0)
+    thinner = blur / 2 * np.array([1.0, -1.0])
+    return [
+        [
+            (member if abs(member[1] - member[0] - usual) < room else placed(line, member, usual)) + thinner
+            for member in members
+        ]
+        for members, line in zip(measured, scores, strict=True)
+    ]
+
+
+def profile_across(scores: Floats, low: int, high: int) -> Floats:
+    """Scores (n,) across a member, where along it its middle shows."""
+    third = max(1, (high - low) // 3)
+    core = scores[low + (high - low - third) // 2 :][:third].mean(axis=0)
+    shown = core >= np.quantile(core, SHOWN)
+    return np.asarray(np.quantile(scores[:, shown], HIGH, axis=1))
+
+
+def borders(scores: Floats, low: int, high: int) -> Floats:
+    """Where the scores (n, m) across a member fall to half of its greatest (2,), in cells from the first's lower
+    side."""
+    profile = profile_across(scores, low, high)
+    top = low + int(profile[low:high].argmax())
+    half = profile[top] / 2
+    first = next((k for k in range(top, -1, -1) if profile[k] < half), -1)
+    last = next((k for k in range(top, len(profile)) if profile[k] < half), len(profile))
+    lower = first + (half - profile[first]) / (profile[first + 1] - profile[first]) if first >= 0 else -0.5
+    upper = last - (half - profile[last]) / (profile[last - 1] - profile[last]) if last < len(profile) else last - 0.5
+    return np.array([lower, upper]) + 0.5
+
+
+def placed(scores: Floats, member: Floats, usual: float) -> Floats:
+    """The borders (2,) of a member of the usual width where it gathers most of the scores about a place that is known
+    to half of its width."""
+    low, high = int(np.floor(member[0])), max(int(np.ceil(member[1])), int(np.floor(member[0])) + 1)
+    profile = profile_across(scores, max(low, 0), min(high, len(scores)))
+    summed = np.concatenate([[0.0], np.cumsum(profile - profile.max() / 2)])
+    room = abs(member[1] - member[0] - usual) / 2 + 1
+    middles = member.mean() + np.linspace(-room, room, 41)
+    cells = np.arange(len(summed))
+    gathered = np.interp(middles + usual / 2, cells, summed) - np.interp(middles - usual / 2, cells, summed)
+    best = gathered >= gathered.max() - 1e-9
+    return float(middles[best].mean()) + usual * np.array([-0.5, 0.5])

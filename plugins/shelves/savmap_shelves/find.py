@@ -9,6 +9,7 @@ import numpy as np
 from savmap.errors import StructureError
 from savmap.types import FoundObject, PlaneEvidence, PlanePatch, RowFacts, Trajectory
 from savmap.vision.evidence.planes import upright_patch
+from savmap_shelves.evidence import tracked_grid
 from savmap_shelves.face_model import Face, FaceReader, Member
 from savmap_shelves.likelihood import fitted
 
@@ -52,7 +53,9 @@ def face_reader(
     uprights, depth = gather(patch), beam_depth(points)
     beams = gather(replace(patch, origin=patch.origin + np.array([0.0, 0.0, depth]))) if depth else uprights
     below = None if floor is None else floor - float(patch.origin[1])
-    return FaceReader(uprights, beams, distance, below, fitted(), POST_SEEN if facts.sees_in_part else 0.0)
+    grid = tracked_grid(points)
+    sizes = (grid.width, grid.thickness) if grid else (None, None)
+    return FaceReader(uprights, beams, distance, below, fitted(), sizes, POST_SEEN if facts.sees_in_part else 0.0)
 
 
 def beam_depth(points: Mapping[str, np.ndarray]) -> float:

@@ -8,7 +8,8 @@ import pytest
 from painted_face import CELL, DISTANCE, LEVELS, PAINTED, POSTS, Band, PaintedFace
 
 from savmap.types import Floats
-from savmap_shelves.face_model import Face, FaceReader, Member
+from savmap.vision.evidence.intervals import best_intervals
+from savmap_shelves.face_model import Face, FaceReader, Member, measured_members
 from savmap_shelves.likelihood import fitted
 from savmap_shelves.paint import paint_ratios
 
@@ -42,11 +43,11 @@ def without(*gone: tuple[int, int]) -> PaintedFace:
     )
 
 
-def test_posts_and_beams_are_read_to_a_cell() -> None:
+def test_posts_and_beams_are_read_to_a_part_of_a_cell() -> None:
     face = read(PaintedFace())
-    assert edges(face.posts) == pytest.approx(np.array(POSTS), abs=1.01 * CELL)
+    assert edges(face.posts) == pytest.approx(np.array(POSTS), abs=0.2 * CELL)
     for section in face.sections:
-        assert edges(section) == pytest.approx(np.array(LEVELS), abs=1.01 * CELL)
+        assert edges(section) == pytest.approx(np.array(LEVELS), abs=0.2 * CELL)
     assert all(member.probability > 0.99 for members in (face.posts, *face.sections) for member in members)
     assert (face.bottom, face.top) == (pytest.approx(0.2, abs=2 * CELL), pytest.approx(4.0, abs=2 * CELL))
     assert not any(face.possible)
@@ -61,7 +62,7 @@ def test_nothing_is_read_where_nothing_is_seen() -> None:
 
 def test_a_beam_that_goods_hide_by_half_is_read() -> None:
     face = read(PaintedFace().draw("beam", (4.7, 6.0), LEVELS[1], 0.02))
-    assert edges(face.sections[1])[1] == pytest.approx(np.array(LEVELS[1]), abs=1.01 * CELL)
+    assert edges(face.sections[1])[1] == pytest.approx(np.array(LEVELS[1]), abs=0.3 * CELL)
     assert likely(face, 1, LEVELS[1]) > 0.99
 
 
@@ -122,3 +123,20 @@ def test_the_colours_of_the_others_members_tell() -> None:
     first, second = paint_ratios(picture, [red & groups[0], np.zeros_like(red)], groups, 3.0)
     assert not first.any(), "its own members do not speak for a group"
     assert second[red] == pytest.approx(3.0)
+
+
+def test_a_border_that_something_adjoins_is_where_a_usual_member_ends() -> None:
+    """Rows of scores across three members 6.4 cells wide; of one, half of the length shows another 4 cells above."""
+    rows = np.arange(60)[:, None] + 0.5
+    lines = np.zeros((60, 12))
+    for middle in (10.3, 30.3, 50.3):
+        lines += np.clip(3.2 + 0.5 - np.abs(rows - middle), 0, 1)
+    lines[33:37] = 1.0
+    scores = np.full((60, 9), -50.0)
+    scores[[7, 27, 47], [4, 8, 4]] = 9.0
+    found = best_intervals([scores], np.arange(2, 11), 3)
+    (members,) = measured_members(found, [lines], 6.4)
+    assert members[0] == pytest.approx([7.1, 13.5], abs=0.2)
+    assert members[2] == pytest.approx([47.1, 53.5], abs=0.2)
+    assert np.diff(members[1]) == pytest.approx(6.4, abs=0.1)
+    assert 27.1 - 0.2 < members[1][0] < 31.0

@@ -42,11 +42,11 @@ def test_objects_have_the_ids_of_their_structures_and_outlines_in_the_rows_frame
     ]
     assert {thing.label for name, thing in objects.items() if "beam" in name} == {"beam"}
     post, beam = objects["upright 2"].outline, objects["bay 2 / beam 3"].outline
-    assert [post[:, 0].min(), post[:, 0].max()] == pytest.approx(POSTS[1], abs=0.02)
+    assert [post[:, 0].min(), post[:, 0].max()] == pytest.approx(POSTS[1], abs=0.01)
     assert post[:, 1].min() < 0.2
     assert post[:, 1].max() > 3.6
-    assert [beam[:, 1].min(), beam[:, 1].max()] == pytest.approx(LEVELS[2], abs=0.02)
-    assert [beam[:, 0].min(), beam[:, 0].max()] == pytest.approx([POSTS[1][1], POSTS[2][0]], abs=0.02)
+    assert [beam[:, 1].min(), beam[:, 1].max()] == pytest.approx(LEVELS[2], abs=0.01)
+    assert [beam[:, 0].min(), beam[:, 0].max()] == pytest.approx([POSTS[1][1], POSTS[2][0]], abs=0.01)
     assert not post[:, 2].any()
     assert all(thing.is_mapped and thing.probability > 0.99 for thing in objects.values())
 
