@@ -192,6 +192,7 @@ def score(site: Path, output: Path) -> dict[str, Any]:
         scores = as_json(savmap.evaluate(site_map, site.with_name("survey.json")))
         figures |= {key: scores[key] for key in SCORES if key in scores}
         figures["verdict"] = row.verdict.grade if row.verdict else "-"
+        figures["codes"] = {warning.code for warning in row.verdict.warnings} if row.verdict else set()
     except SavmapError as error:
         figures["error"] = str(error)
     return {**figures, "seconds": time.perf_counter() - start}
@@ -245,6 +246,8 @@ def totals(results: Sequence[Mapping[str, Any]]) -> Figures:
         total |= {"mean cm": float(np.mean(errors)), "largest cm": max(errors)}
     if lamps:
         total["lamps cm"] = 100 * float(np.mean(lamps))
+    for code in sorted({code for figures in scored if is_good(figures) for code in figures["codes"]}):
+        total[f"good, {code}"] = sum(is_good(figures) and code in figures["codes"] for figures in scored)
     total["seconds a row"] = float(np.mean([figures["seconds"] for figures in results]))
     return {**reliability([pair for figures in results for pair in figures.get("objects", ())]), "total": total}
 

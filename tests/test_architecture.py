@@ -50,10 +50,6 @@ VAGUE = {
     *("alone", "known", "look", "likes", "strange", "plain"),
 }
 """Names that say nothing of what a variable holds."""
-TO_BE_REPLACED = re.compile(
-    r"plugins/lights/savmap_lights/(picture|space)/|savmap/(vision/evidence|graph/solver/judgement)/"
-)
-"""Recognition by rules, which one model replaces: it is not cleaned any more."""
 LONGEST_LINE = 120
 
 
@@ -205,13 +201,13 @@ def test_tests_of_the_core_import_no_plugin() -> None:
 
 
 def test_names_say_what_they_hold() -> None:
-    kept = [path for path in CORE + PLUGINS if not TO_BE_REPLACED.search(path.as_posix())]
+    kept = CORE + PLUGINS
     vague = {module_of(path): VAGUE & set(names_bound(path)) for path in kept}
     vague["savmap.lab.sim.scene.files"].remove("look")  # a key of scene files
     assert {module: names for module, names in vague.items() if names} == {}
 
 
 def test_lines_are_short() -> None:
-    kept = [path for path in CORE + PLUGINS if not TO_BE_REPLACED.search(path.as_posix())]
+    kept = CORE + PLUGINS
     long = {module_of(path): sum(len(line) > LONGEST_LINE for line in text_of(path).splitlines()) for path in kept}
     assert {module: count for module, count in long.items() if count} == {}

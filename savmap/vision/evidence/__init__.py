@@ -1,4 +1,5 @@
-"""Evidence of all frames whose pose is known: in planes, of intervals along them, of the depth of flat parts and of the floor."""
+"""Evidence of all frames whose pose is known: in planes, of intervals along them, of the depth of flat parts and of the
+floor."""
 
 from savmap.vision.evidence.depth import depth_of
 from savmap.vision.evidence.floor import FloorHeight, FloorTracks, floor_before, floor_height, floor_tracks

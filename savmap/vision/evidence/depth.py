@@ -1,9 +1,11 @@
-"""The depth of flat parts of a structure, by a plane sweep: a plane is moved through depths until the pictures of all frames correlate on it.
+"""The depth of flat parts of a structure, by a plane sweep: a plane is moved through depths until the pictures of all
+frames correlate on it.
 
-Edges along the camera's path say little of their depth. Marks on a part do (labels, holes, scratches): from frame to frame they move by
-metres against the background. The frames' pictures of a part are warped to a plane. At the part's own depth, each mark has the same place
-in all of them. Sections of the parts vote, each for the depth of its highest correlation, so that goods in front of a part and
-reflections are outvoted. Where too few sections have texture, there is no result.
+Edges along the camera's path say little of their depth. Marks on a part do (labels, holes, scratches): from frame to
+frame they move by metres against the background. The frames' pictures of a part are warped to a plane. At the part's
+own depth, each mark has the same place in all of them. Sections of the parts vote, each for the depth of its highest
+correlation, so that goods in front of a part and reflections are outvoted. Where too few sections have texture, there
+is no result.
 
 The sweep works in shares of the camera's distance: the path's scale need not be known.
 """
@@ -24,8 +26,8 @@ Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
 
 REACH, STEP = 0.04, 0.002
-"""Range and step of the sweep, as shares of the camera's distance: 8 cm and 4 mm at 2 m, where a step moves a mark that is seen from
-both sides by half a pixel."""
+"""Range and step of the sweep, as shares of the camera's distance: 8 cm and 4 mm at 2 m, where a step moves a mark that
+is seen from both sides by half a pixel."""
 SECTION = 0.15
 """The length of a section, as a share of the distance: 30 cm at 2 m, the usual distance between labels."""
 ASLANT = 1.7
@@ -35,18 +37,20 @@ FINENESS = 0.6
 MOST_PARTS, MOST_SHOTS, MOST_CELLS = 48, 24, 200_000
 """The most parts, evenly chosen; frames that see a part; and cells of a part, which usually has some thousands."""
 AWAY = 0.5
-"""Frames whose distance differs from the median by more than this share are left out: their resolution of a cell differs."""
+"""Frames whose distance differs from the median by more than this share are left out: their resolution of a cell
+differs."""
 LEAST_SHOTS, LEAST_SPREAD = 4, 0.5
 """A section needs so many frames, and directions whose tangents differ by so much."""
 LEAST_CORRELATION, LEAST_RISE, LEAST_CONTRAST = 0.5, 0.2, 1.5
-"""A section has a depth if its correlation has such a peak, so far above the median over depths, and if its contrast, grey levels, is
-above the picture's noise."""
+"""A section has a depth if its correlation has such a peak, so far above the median over depths, and if its contrast,
+grey levels, is above the picture's noise."""
 WIDTH = 0.0015
 """The scatter of sections that agree, as a share of the distance: 3 mm at 2 m."""
 LEAST_SECTIONS, LEAST_PARTS, LEAST_PLACES, LEAST_SHARE = 6, 3, 3, 0.6
 """A consensus needs so many sections, parts, places along them, and so large a share of all votes."""
 PLACE = 0.5
-"""Sections within this share of the distance along the parts are seen in the same frames: their errors are correlated."""
+"""Sections within this share of the distance along the parts are seen in the same frames: their errors are correlated.
+"""
 COMMON_SIGMA = 0.0003
 """The error that all sections may have in common, as a share of the distance: a twentieth of a pixel."""
 ROUNDS = 10
@@ -54,8 +58,8 @@ ROUNDS = 10
 
 @dataclass(frozen=True)
 class Vote:
-    """A section's vote: the coordinate across the plane, its weight (the sharpness of the peak), the section's place along the parts, and
-    the number of its part. Unit: the camera's median distance."""
+    """A section's vote: the coordinate across the plane, its weight (the sharpness of the peak), the section's place
+    along the parts, and the number of its part. Unit: the camera's median distance."""
 
     coordinate: float
     weight: float
@@ -66,8 +70,8 @@ class Vote:
 @dataclass(frozen=True, eq=False)
 @array_record
 class Shot:
-    """A view of a part. `place` (3,): the camera, to the right of the part's origin, up, and in front of it, in the path's unit.
-    `pixels_from_part` (3, 3): the homography to pixels from (right, up, 1)."""
+    """A view of a part. `place` (3,): the camera, to the right of the part's origin, up, and in front of it, in the
+    path's unit. `pixels_from_part` (3, 3): the homography to pixels from (right, up, 1)."""
 
     packed_view: PackedView
     spec: ViewSpec
@@ -82,8 +86,8 @@ class Shot:
     def pixels_from(self, depths: Floats, distance: float, height: float) -> Floats:
         """The homographies (n, 3, 3) to pixels from planes at depths (n,) in front of the part.
 
-        The plane is scaled so that a camera at `distance` and `height` sees the part's edges at the same pixels for every depth: these edges
-        were measured in the pictures.
+        The plane is scaled so that a camera at `distance` and `height` sees the part's edges at the same pixels for
+        every depth: these edges were measured in the pictures.
         """
         return self._pixels_from(depths, (distance - depths) / distance, height)
 
@@ -99,7 +103,8 @@ class Shot:
 def depth_of(
     plugin: str, flat: FlatParts, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
 ) -> FlatDepth | None:
-    """The depth of a plugin's flat parts, by its packed views of frames whose pose is known. None where the sections have no consensus."""
+    """The depth of a plugin's flat parts, by its packed views of frames whose pose is known. None where the sections
+    have no consensus."""
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
     frames: Ints = np.unique(np.array([packed_view.frame for packed_view in located], np.int64))
@@ -143,8 +148,8 @@ def near_cameras(part: PlanePatch, cameras: Floats) -> list[int]:
 class Sweep:
     """A part, cut into `count` sections of `columns` cells by `rows`, and the shots that see any section.
 
-    `visible` (shots, sections): whether a shot sees a section; `tangents` (shots, sections): the direction in which it does; `distance`,
-    `height`: the camera's median ones; `cell`: a cell's side.
+    `visible` (shots, sections): whether a shot sees a section; `tangents` (shots, sections): the direction in which it
+    does; `distance`, `height`: the camera's median ones; `cell`: a cell's side.
     """
 
     part: PlanePatch
@@ -159,7 +164,8 @@ class Sweep:
 
     @classmethod
     def over(cls, part: PlanePatch, shots: Sequence[Shot], reach: float = REACH) -> "Sweep | None":
-        """The sweep over a part, by `reach` times the camera's distance to either side; None where too few shots see it."""
+        """The sweep over a part, by `reach` times the camera's distance to either side; None where too few shots see
+        it."""
         width, tall = part.size.tolist()
         distance, height = (float(np.median([shot.place[axis] for shot in shots])) if shots else 0.0 for axis in (2, 1))
         near = [shot for shot in shots if abs(shot.place[2] - distance) < AWAY * distance]
@@ -194,7 +200,8 @@ class Sweep:
         return np.flatnonzero((self.visible.sum(axis=0) >= LEAST_SHOTS) & (spread >= LEAST_SPREAD))
 
     def votes(self, number: int, column: int, unit: float, grey: Callable[[PackedView], Bytes]) -> Iterator[Vote]:
-        """The votes of the sections of part `number`: coordinates along axis `column`, in units of `unit`. `grey` decodes a packed view."""
+        """The votes of the sections of part `number`: coordinates along axis `column`, in units of `unit`. `grey`
+        decodes a packed view."""
         forward = self.part.axes[column, 2]
         start = float(self.part.origin @ self.part.right)
         for depth, weight, along in self.section_depths([grey(shot.packed_view) for shot in self.shots]):
@@ -202,7 +209,8 @@ class Sweep:
             yield Vote(coordinate, weight, (start + along) / unit, number)
 
     def section_depths(self, pictures: Sequence[Bytes]) -> "list[tuple[float, float, float]]":
-        """Depth in front of the part, weight and place along it of each section that has a depth. `pictures` (h, w): grey, of the shots."""
+        """Depth in front of the part, weight and place along it of each section that has a depth. `pictures` (h, w):
+        grey, of the shots."""
         depths = np.arange(-REACH, REACH + STEP / 2, STEP) * self.distance
         correlation, contrast = self.correlations(depths, pictures)
         peaks = []
@@ -213,8 +221,8 @@ class Sweep:
         return peaks
 
     def correlations(self, depths: Floats, pictures: Sequence[Bytes] | Sequence[Singles]) -> tuple[Floats, Floats]:
-        """The mean correlation (n, sections) of all pairs of frames on planes at depths (n,) in front of the part, and the contrast (n, sections)
-        there, grey levels."""
+        """The mean correlation (n, sections) of all pairs of frames on planes at depths (n,) in front of the part, and
+        the contrast (n, sections) there, grey levels."""
         first, last = self.visible.argmax(axis=1), self.count - self.visible[:, ::-1].argmax(axis=1)
         grids = np.zeros((len(self.shots), 3, 3))
         grids[:, 0, 0], grids[:, 1, 1], grids[:, 2, 2] = self.cell, -self.cell, 1.0
@@ -251,7 +259,8 @@ class Sweep:
 
 
 def _shown(shots: Sequence[Shot], x: Floats, top: float, slack: float) -> Bools:
-    """Which shots show the lines that cross the part at x (n,), from 0 to `top`, with `slack` on the part to either side (shots, n)."""
+    """Which shots show the lines that cross the part at x (n,), from 0 to `top`, with `slack` on the part to either
+    side (shots, n)."""
     ends = np.array([(x + side * slack, np.full_like(x, y), np.ones_like(x)) for side in (-1, 1) for y in (0.0, top)])
     u, v, depth = np.moveaxis(np.array([shot.pixels_from_part for shot in shots])[:, None] @ ends, 2, 0)
     u, v = u / np.maximum(depth, 1e-9), v / np.maximum(depth, 1e-9)
@@ -262,7 +271,8 @@ def _shown(shots: Sequence[Shot], x: Floats, top: float, slack: float) -> Bools:
 
 
 def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float) -> tuple[float, float] | None:
-    """The depth at which the correlation (k,) over depths (k,) peaks, and the peak's sharpness as a weight. None without a peak."""
+    """The depth at which the correlation (k,) over depths (k,) peaks, and the peak's sharpness as a weight. None
+    without a peak."""
     top, peak = float(correlation.max()), summit(correlation)
     if peak is None or top < LEAST_CORRELATION or top - float(np.median(correlation)) < LEAST_RISE:
         return None
@@ -273,7 +283,8 @@ def _peak(depths: Floats, correlation: Floats, contrast: Floats, distance: float
 
 
 def summit(curve: Floats) -> tuple[float, float] | None:
-    """Where a curve (n,) has its maximum, in samples and parts of one, and how much it bends there. None at the ends, or without a maximum."""
+    """Where a curve (n,) has its maximum, in samples and parts of one, and how much it bends there. None at the ends,
+    or without a maximum."""
     best = int(curve.argmax())
     if not 0 < best < len(curve) - 1:
         return None
@@ -313,8 +324,9 @@ def _robust_mean(values: Floats, weights: Floats) -> tuple[float, Floats]:
 
 
 def _sigma(pulls: Floats, weights: Floats, groups: Floats) -> float:
-    """The sigma of a weighted mean, by its weighted residuals `pulls` (n,) and their groups (n,): errors within a group may be correlated.
-    Few groups underestimate their scatter. The correction is near to Student's t: two thirds more for four groups."""
+    """The sigma of a weighted mean, by its weighted residuals `pulls` (n,) and their groups (n,): errors within a group
+    may be correlated. Few groups underestimate their scatter. The correction is near to Student's t: two thirds more
+    for four groups."""
     sums = np.array([pulls[groups == group].sum() for group in np.unique(groups)])
     scatter = float(np.linalg.norm(sums) / weights.sum()) * np.sqrt(len(sums) / (len(sums) - 1))
     return float(np.hypot(scatter * (len(sums) + 1) / (len(sums) - 1), COMMON_SIGMA))

@@ -3,9 +3,10 @@
 Each frame is seen by a camera square to the face. Its upright edges are divided by the contrast around them and kept
 with their signs. A plane is moved through depths (a plane sweep: Collins 1996, "A space-sweep approach to true
 multi-image matching"), and on each the edges of all frames are averaged: at the face's depth posts stay sharp, and what
-is off the plane is smeared by parallax. A pair of columns scores the mean over the height of sqrt(|e| |e'|), where e and
-e' are its averaged edges, at most 1. The face is the nearest plane on which bays have pairs that score more than pairs
-usually do at that depth. Its posts share one width, and each may stand a little nearer or farther, for a path drifts.
+is off the plane is smeared by parallax. A pair of columns scores the mean over the height of sqrt(|e| |e'|), where e
+and e' are its averaged edges, at most 1. The face is the nearest plane on which bays have pairs that score more than
+pairs usually do at that depth. Its posts share one width, and each may stand a little nearer or farther, for a path
+drifts.
 
 Face frame: x right as one looks at the face, y down, z from the drive towards the face. Lengths are in the path's unit,
 of which a rough metre must be known: posts are 3 to 16 cm wide.
@@ -58,7 +59,8 @@ around it, has this share of the other's strength, and at most this share of its
 NEAR_M = 1.5
 """Planes are sought by what is so far above and below the path, and as far as they are away."""
 ASCENTS, ROUNDS, WORTH = (1.0, 0.5), 3, 1.0005
-"""Of the search for the best shape: shares of the first steps, how often these are halved, the gain that a step needs."""
+"""Of the search for the best shape: shares of the first steps, how often these are halved, the gain that a step needs.
+"""
 SIGMAS, PRIOR = np.array([0.01, 0.01, 0.02, 0.02]), 0.05
 """Of slope, lean, and, in depths, bend and twist; and the share of its strength that a plane loses by one sigma."""
 GOES_ON, MIDDLE = 0.4, 0.6
@@ -111,7 +113,7 @@ class FacePlane:
     shape: Floats
     heights: tuple[float, float]
     score: float
-    beside: float
+    rivals: float
 
     @property
     def depth(self) -> float:
@@ -131,7 +133,7 @@ class FacePlane:
     @property
     def stands(self) -> bool:
         """Whether a face stands on this side."""
-        return self.score > STANDS * self.beside
+        return self.score > STANDS * self.rivals
 
     def points(self, x: Floats, height: float = 0.0) -> Floats:
         """Points (n, 3) of the face, in the path's frame, at places x (n,) in the face frame and a height."""
@@ -263,22 +265,22 @@ class Pairs:
     widths: Ints
     scores: Singles
 
-    def best(self, apart: float, most: int) -> list[tuple[float, int, int]]:
+    def best(self, spacing: float, most: int) -> list[tuple[float, int, int]]:
         """Scores, left and right columns of the best pairs whose centres are so far apart, best first."""
         scores, chosen = self.scores.copy(), list[tuple[float, int, int]]()
         centres = self.average.x + self.widths[:, None] * self.average.cell / 2
         while len(chosen) < most and scores.max() > 0.01:
             width, left = (int(k) for k in np.unravel_index(scores.argmax(), scores.shape))
             chosen.append((float(scores[width, left]), left, left + int(self.widths[width])))
-            scores[np.abs(centres - centres[width, left]) < apart] = 0
+            scores[np.abs(centres - centres[width, left]) < spacing] = 0
         return chosen
 
 
 @dataclass(frozen=True, eq=False)
 @array_record
 class FaceSweep:
-    """The sweep for the face on one side of a drive: `metres` in the path's unit; where n cameras are (n, 3) in the face
-    frame, how they are turned (n, 3, 3), and the upright edges that each sees (ROWS, WIDTH)."""
+    """The sweep for the face on one side of a drive: `metres` in the path's unit; where n cameras are (n, 3) in the
+    face frame, how they are turned (n, 3, 3), and the upright edges that each sees (ROWS, WIDTH)."""
 
     metres: float
     path_from_face: Floats
@@ -317,9 +319,9 @@ class FaceSweep:
             steps = part * np.array([0.01 * depth, 0.004, 0.004, 0.01 * depth, 0.01 * depth])
             shape = ascended(partial(self._strength, rows=rows, usual=usual), shape, steps)
             rows = self._seen_rows(shape, rows)
-        score, *beside = (self._score(shape * [share, 1, 1, 1, 1], rows) for share in (1.0, *BESIDE))
+        score, *rivals = (self._score(shape * [share, 1, 1, 1, 1], rows) for share in (1.0, *BESIDE))
         heights = (-rows[1] * float(shape[0]), -rows[0] * float(shape[0]))
-        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, score, float(np.median(beside)))
+        return FacePlane(self.path_from_face, self.middle, self.half, shape, heights, score, float(np.median(rivals)))
 
     def posts(self, plane: FacePlane) -> FacePosts:
         """The candidates for posts on a plane: each at the depth, near the plane's, where it scores most."""
@@ -391,8 +393,8 @@ class FaceSweep:
         return np.asarray(first * STEP ** np.arange(int(count)))
 
     def _start(self, depths: Floats) -> tuple[float, float, float]:
-        """Depth and slope of the nearest plane that stands out, and what a bay usually scores there. Along a slope, each
-        bay has the score that it has at its depth."""
+        """Depth and slope of the nearest plane that stands out, and what a bay usually scores there. Along a slope,
+        each bay has the score that it has at its depth."""
         shapes = [np.array([depth, 0, 0, 0, 0]) for depth in depths.tolist()]
         scores = np.array([self._by_bay(shape, self._before(float(shape[0])), ENOUGH) for shape in shapes])
         usual = ndimage.median_filter(np.median(scores, axis=1), USUAL, mode="nearest")

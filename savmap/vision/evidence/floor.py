@@ -1,13 +1,15 @@
-"""The height of the floor, by a plane sweep: a level plane is moved through heights until the pictures of all frames correlate on it.
+"""The height of the floor, by a plane sweep: a level plane is moved through heights until the pictures of all frames
+correlate on it.
 
-Guards, plinths and goods may hide where a structure meets the floor. The floor itself shows stains, joints, scratches and markings. On a
-plane at the floor's own height, each of these has the same place in all frames. The camera's path is that which the structures give. The
-sweep is that of flat parts (`savmap.vision.evidence.depth`). A coarse sweep in small pictures comes first: of the height only the range is
-known, as a share of the distance to the face.
+Guards, plinths and goods may hide where a structure meets the floor. The floor itself shows stains, joints, scratches
+and markings. On a plane at the floor's own height, each of these has the same place in all frames. The camera's path is
+that which the structures give. The sweep is that of flat parts (`savmap.vision.evidence.depth`). A coarse sweep in
+small pictures comes first: of the height only the range is known, as a share of the distance to the face.
 
-Concrete has little texture: no single section has a clear peak. So the correlations of all sections are added up. They are not weighted by
-contrast: what has most contrast (a beam's label, a shadow's edge) is often not of the floor. The height is accepted if the peak stays where
-it is when any stretch of the row or any strip of the floor is left out (jackknife). Reflections lie at many depths.
+Concrete has little texture: no single section has a clear peak. So the correlations of all sections are added up. They
+are not weighted by contrast: what has most contrast (a beam's label, a shadow's edge) is often not of the floor. The
+height is accepted if the peak stays where it is when any stretch of the row or any strip of the floor is left out
+(jackknife). Reflections lie at many depths.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,12 +26,13 @@ from savmap.vision.evidence.planes import PackedView
 
 LABEL = "floor"
 HEIGHTS = np.geomspace(0.35, 3.0, 9).tolist()
-"""Heights of the camera over the floor, at the centres of the coarse sweeps, as shares of its distance from the face."""
+"""Heights of the camera over the floor, at the centres of the coarse sweeps, as shares of its distance from the face.
+"""
 DETAIL_PX = 12.0
 """Coarser structure of a view is removed: brightness falls off, and gloss moves with the camera."""
 STRIPS, BEFORE, BESIDE = 6, 0.25, 0.25
-"""The number of strips of floor along the face; their margin to the face, as a share of the distance (beams and goods hide the floor there);
-and their margin to the camera, as a share of the height (the cart hides it there)."""
+"""The number of strips of floor along the face; their margin to the face, as a share of the distance (beams and goods
+hide the floor there); and their margin to the camera, as a share of the height (the cart hides it there)."""
 PIECE, MOST_PIECES = 5.0, 6
 """The length of a piece of a strip, in heights of the camera, and the most pieces that are evaluated."""
 OTHER, LEAST_RATIO = 0.08, 1.3
@@ -37,23 +40,26 @@ OTHER, LEAST_RATIO = 0.08, 1.3
 LEAST_RISE = 0.01
 """The least excess of the peak over the median, per section: the noise of a plain floor stays below."""
 LEAST_GROUPS, MOST_SIGMA = 3, 0.015
-"""The least number of stretches (each as long as the camera is high) and of strips; the greatest sigma of the height, as a share of it."""
+"""The least number of stretches (each as long as the camera is high) and of strips; the greatest sigma of the height,
+as a share of it."""
 FLATNESS = 0.003
-"""The sigma of the height difference between the floor in front of the face and under the camera, as a share: 6 mm at 2 m."""
+"""The sigma of the height difference between the floor in front of the face and under the camera, as a share: 6 mm at 2
+m."""
 POINTS, SIGMA_PX = 12, 2.0
-"""The number of floor points, and the standard deviation of their pixels. The pixels follow from this path. The path of rows that are solved
-together may be rotated from it by a fraction of a degree."""
+"""The number of floor points, and the standard deviation of their pixels. The pixels follow from this path. The path of
+rows that are solved together may be rotated from it by a fraction of a degree."""
 LEAST_TANGENT = 0.5
 
 
 BELOW_FLOOR = 0.4
-"""The floor is never higher than this share of the tracked points. Some true points lie below it: uprights' edges are extended to the picture's border.
-These are a third of all points at most."""
+"""The floor is never higher than this share of the tracked points. Some true points lie below it: uprights' edges are
+extended to the picture's border. These are a third of all points at most."""
 
 
 @dataclass(frozen=True)
 class Fineness:
-    """A sweep: range and step as shares of the height; by what factor the pictures are reduced; `strip_step`: 2 for every other strip."""
+    """A sweep: range and step as shares of the height; by what factor the pictures are reduced; `strip_step`: 2 for
+    every other strip."""
 
     reach: float
     step: float
@@ -74,8 +80,8 @@ MOST_KEPT = 160
 @dataclass(frozen=True, eq=False)
 @array_record
 class FloorTracks:
-    """Tracks of points of the floor, each in a few frames, and the views of their pixels by name. `sigma`: the standard deviation of their
-    common depth below the camera, as a share of it."""
+    """Tracks of points of the floor, each in a few frames, and the views of their pixels by name. `sigma`: the standard
+    deviation of their common depth below the camera, as a share of it."""
 
     tracks: tuple[Track, ...] = ()
     views: Mapping[str, ViewSpec] = field(default_factory=dict)
@@ -94,8 +100,9 @@ class FloorShot(Shot):
 
 @dataclass(frozen=True)
 class FloorHeight:
-    """Where the floor is: its `y` in the path's frame and unit; `share`: how high the camera is over it, as a share of its distance from the face, which
-    no path's scale changes; `sigma`: the standard deviation of that height, as a share of it."""
+    """Where the floor is: its `y` in the path's frame and unit; `share`: how high the camera is over it, as a share of
+    its distance from the face, which no path's scale changes; `sigma`: the standard deviation of that height, as a
+    share of it."""
 
     y: float
     share: float
@@ -111,8 +118,8 @@ def floor_height(
 ) -> FloorHeight | None:
     """The height of the floor in front of a face; None where the pictures do not determine it.
 
-    face: an upright plane in the row's frame (y up). packed_views: pictures of the floor, in `views`. path: the camera's poses, in any unit. about: the
-    `share` that an earlier path gave, which saves the coarse sweep.
+    face: an upright plane in the row's frame (y up). packed_views: pictures of the floor, in `views`. path: the
+    camera's poses, in any unit. about: the `share` that an earlier path gave, which saves the coarse sweep.
     """
     floor = Floor.before(face, packed_views, views, path)
     return floor.measured(about) if floor else None
@@ -138,14 +145,15 @@ def floor_tracks(
     path: Trajectory,
     height: FloorHeight,
 ) -> FloorTracks:
-    """Points of the floor in front of a face, at the `height` that `floor_height` gave for the same pictures and path."""
+    """Points of the floor in front of a face, at the `height` that `floor_height` gave for the same pictures."""
     floor = Floor.before(face, packed_views, views, path)
     tracks = tuple(floor.tracks(height.share)) if floor else ()
     return FloorTracks(tracks, dict(views), float(np.hypot(height.sigma, FLATNESS))) if tracks else FloorTracks()
 
 
 class Floor:
-    """The floor in front of a face, and pictures of it. `away`: the camera's median distance from the face, the unit of heights here."""
+    """The floor in front of a face, and pictures of it. `away`: the camera's median distance from the face, the unit of
+    heights here."""
 
     def __init__(
         self,
@@ -165,7 +173,8 @@ class Floor:
     def before(
         cls, face: PlanePatch, packed_views: Sequence[PackedView], views: Mapping[str, ViewSpec], path: Trajectory
     ) -> "Floor | None":
-        """The floor before a face, in pictures whose pose is known; None where there are none, or where they are of the other side."""
+        """The floor before a face, in pictures whose pose is known; None where there are none, or where they are of the
+        other side."""
         poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
         located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
         floor = cls(face, located, views, poses) if located else None
@@ -198,7 +207,8 @@ class Floor:
         return float(tried[best])
 
     def height(self, rough: float) -> tuple[float, float] | None:
-        """The height of the camera over the floor, and its sigma as a share of it. None where parts of the floor disagree."""
+        """The height of the camera over the floor, and its sigma as a share of it. None where parts of the floor
+        disagree."""
         groups = self.correlations(rough, FINE)
         total = sum((curve for curve, _ in groups.values()), np.zeros(len(FINE.shares)))
         peak = _peak(total)
@@ -210,8 +220,8 @@ class Floor:
         return rough * peak, max(finite)
 
     def correlations(self, height: float, fineness: Fineness) -> dict[tuple[int, int], tuple[Floats, int]]:
-        """By stretch of the row and strip of the floor: the correlation (n,) at the sweep's heights about `height`, summed over sections, and
-        the number of sections."""
+        """By stretch of the row and strip of the floor: the correlation (n,) at the sweep's heights about `height`,
+        summed over sections, and the number of sections."""
         groups: dict[tuple[int, int], tuple[Floats, int]] = {}
         smaller = {name: _smaller(spec, fineness.smaller) for name, spec in self.views.items()}
         for strip, part in self._pieces(height, fineness.strip_step):
@@ -232,7 +242,8 @@ class Floor:
         return groups
 
     def tracks(self, height: float) -> Iterator[Track]:
-        """Points of the floor all along the row, each in three frames: before the camera passes it, when it is nearest, and after."""
+        """Points of the floor all along the row, each in three frames: before the camera passes it, when it is nearest,
+        and after."""
         first, last = self._reach(height)
         along = self.places @ self.face.right
         for number, place in enumerate(np.linspace(along.min(), along.max(), POINTS).tolist(), 1):
@@ -251,7 +262,8 @@ class Floor:
         return BEFORE * self.away, max(1 - BESIDE * height, 2 * BEFORE) * self.away
 
     def _pieces(self, height: float, strip_step: int) -> Iterator[tuple[int, PlanePatch]]:
-        """Pieces of the strips of floor at `height` below the camera, of every `strip_step`-th strip, with the strip's number."""
+        """Pieces of the strips of floor at `height` below the camera, of every `strip_step`-th strip, with the strip's
+        number."""
         edges = np.linspace(*self._reach(height), STRIPS + 1).tolist()
         length = height * self.away
         along = self.places @ self.face.right
@@ -287,7 +299,8 @@ class Floor:
         )
 
     def _sighting(self, packed_view: PackedView, point: Floats) -> tuple[PackedView, float, Floats] | None:
-        """The tangent of the direction, along the face, in which a view shows a point, and the point's pixel (2,). None outside the view."""
+        """The tangent of the direction, along the face, in which a view shows a point, and the point's pixel (2,). None
+        outside the view."""
         pose, spec = self.poses[packed_view.frame], self.views[packed_view.view]
         x, y, depth = spec.camera @ (pose[:3, :3] @ spec.rig_from_view).T @ (point - pose[:3, 3])
         if depth <= 0 or not (0 < x / depth < spec.width - 1 and 0 < y / depth < spec.height - 1):
@@ -321,8 +334,8 @@ def _peak(curve: Floats) -> float | None:
 
 
 def _jackknife(groups: Mapping[tuple[int, int], tuple[Floats, int]], which: int, total: Floats) -> float | None:
-    """The jackknife sigma of the peak of a sum (n,): the groups of each stretch (`which` 0) or of each strip (1) are left out in turn. None
-    where there are too few, or where a sum has no peak."""
+    """The jackknife sigma of the peak of a sum (n,): the groups of each stretch (`which` 0) or of each strip (1) are
+    left out in turn. None where there are too few, or where a sum has no peak."""
     parts = {group[which] for group in groups}
     if len(parts) < LEAST_GROUPS:
         return None

@@ -1,9 +1,9 @@
 """Intervals along one axis of a plane: which parts of it a class occupies, and how likely each of them is.
 
-Posts along a face, beams up a section and lamps along a ceiling are one problem: a line of cells, each with the log-likelihood ratio of
-a class, of which any share may be hidden. The best set of intervals with a least gap between them is found exactly by dynamic programming
-over a semi-Markov chain, and forward-backward gives the probability of every interval (Sarawagi and Cohen, 2004; for façades, Teboul et
-al., 2011).
+Posts along a face, beams up a section and lamps along a ceiling are one problem: a line of cells, each with the
+log-likelihood ratio of a class, of which any share may be hidden. The best set of intervals with a least gap between
+them is found exactly by dynamic programming over a semi-Markov chain, and forward-backward gives the probability of
+every interval (Sarawagi and Cohen, 2004; for façades, Teboul et al., 2011).
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,9 @@ from savmap.types import Floats, Ints, array_record
 
 @dataclass(frozen=True)
 class Occlusion:
-    """How cells speak for an interval. What stands in front hides a share of its length: one of `shares`, with probabilities `chances`.
-    `same_along`, `same_across`: over how many cells, along its length and over its width, pictures say the same thing."""
+    """How cells speak for an interval. What stands in front hides a share of its length: one of `shares`, with
+    probabilities `chances`. `same_along`, `same_across`: over how many cells, along its length and over its width,
+    pictures say the same thing."""
 
     shares: tuple[float, ...]
     chances: tuple[float, ...]
@@ -26,11 +27,12 @@ class Occlusion:
 
 
 def interval_scores(ratios: Floats, widths: Ints, occlusion: Occlusion) -> Floats:
-    """Log-likelihood ratios (n, w) of intervals that begin at cell i and are `widths` (w,) cells wide; -inf where they do not fit.
+    """Log-likelihood ratios (n, w) of intervals that begin at cell i and are `widths` (w,) cells wide; -inf where they
+    do not fit.
 
-    ratios (n, m): of cells, n along the axis and m along the intervals' length; 0 where nothing was seen. Where a share h is hidden, an
-    interval scores sum log(h + (1 - h) e^L) over its cells, for what is hidden says nothing; the shares' likelihoods are added up by their
-    chances.
+    ratios (n, m): of cells, n along the axis and m along the intervals' length; 0 where nothing was seen. Where a share
+    h is hidden, an interval scores sum log(h + (1 - h) e^L) over its cells, for what is hidden says nothing; the
+    shares' likelihoods are added up by their chances.
     """
     count, together = len(ratios), occlusion.same_along * occlusion.same_across
     likely = np.exp(ratios)
@@ -47,8 +49,8 @@ def interval_scores(ratios: Floats, widths: Ints, occlusion: Occlusion) -> Float
 @dataclass(frozen=True, eq=False)
 @array_record
 class Intervals:
-    """The best set of intervals of one line: `first` and `last` + 1 cell (k, 2), the `score` of each (k,), and `posterior` (n, w), the
-    probability of each possible interval by its first cell and its width."""
+    """The best set of intervals of one line: `first` and `last` + 1 cell (k, 2), the `score` of each (k,), and
+    `posterior` (n, w), the probability of each possible interval by its first cell and its width."""
 
     cells: Ints
     score: Floats
@@ -66,20 +68,21 @@ class Intervals:
         return np.array([self.probability(low, high) for low, high in self.cells.tolist()])
 
     def others(self, least: float) -> list[tuple[int, int, float]]:
-        """Intervals that are in no conflict with the best set's places but may exist: first, last + 1, probability of at least `least`."""
+        """Intervals that are in no conflict with the best set's places but may exist: first, last + 1, probability of
+        at least `least`."""
         free = self.posterior.copy()
         middles = np.arange(len(free))[:, None] + self.widths / 2
         for low, high in self.cells.tolist():
             free[(middles >= low) & (middles <= high)] = 0.0
-        found: list[tuple[int, int, float]] = []
+        chosen: list[tuple[int, int, float]] = []
         while True:
             first, column = np.unravel_index(int(free.argmax()), free.shape)
             low, high = int(first), int(first) + int(self.widths[column])
             near = (middles >= low) & (middles <= high)
             likely = float(free[near].sum())
             if likely < least:
-                return found
-            found.append((low, high, likely))
+                return chosen
+            chosen.append((low, high, likely))
             free[near] = 0.0
 
 
@@ -122,8 +125,8 @@ def best_intervals(scores: Sequence[Floats], widths: Ints, gap: int) -> list[Int
             cells.append((begin, end))
             end = max(begin - gap, 0)
         ordered = np.array(cells[::-1], np.int64).reshape(-1, 2)
-        own = table[line, ordered[:, 0], np.searchsorted(widths, ordered[:, 1] - ordered[:, 0])]
-        result.append(Intervals(ordered, own, likely[line], widths))
+        scored = table[line, ordered[:, 0], np.searchsorted(widths, ordered[:, 1] - ordered[:, 0])]
+        result.append(Intervals(ordered, scored, likely[line], widths))
     return result
 
 

@@ -1,7 +1,7 @@
 """Evidence in planes: a network's probabilities on a plane, averaged over all frames whose pose is known.
 
-A threshold in a single frame discards what fifty frames show together. On the plane that an object lies in, its pixels have the same place
-in every frame and add up. Objects in front of the plane or behind it are smeared by parallax.
+A threshold in a single frame discards what fifty frames show together. On the plane that an object lies in, its pixels
+have the same place in every frame and add up. Objects in front of the plane or behind it are smeared by parallax.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,8 +40,8 @@ HALVED_FROM_PIXELS = np.array([[1 / HALVED, 0, 0.5 / HALVED - 0.5], [0, 1 / HALV
 @dataclass(frozen=True, eq=False)
 @array_record
 class PackedView:
-    """A view of a frame as it is kept in memory: the view's name, the classes' probabilities (`maps`, PNG, at half the view's resolution),
-    and the picture (JPEG)."""
+    """A view of a frame as it is kept in memory: the view's name, the classes' probabilities (`maps`, PNG, at half the
+    view's resolution), and the picture (JPEG)."""
 
     frame: int
     view: str
@@ -80,8 +80,8 @@ def _unpacked(packed: bytes, flags: int) -> Bytes:
 
 
 def placed(patch: PlanePatch, view: ViewSpec, world_from_rig: Floats) -> tuple[Floats, Floats]:
-    """Where a camera is (3,), to the right of a patch's origin, up, and in front of it, and the homography (3, 3) to a view's pixels from
-    (right, up, 1)."""
+    """Where a camera is (3,), to the right of a patch's origin, up, and in front of it, and the homography (3, 3) to a
+    view's pixels from (right, up, 1)."""
     place = (world_from_rig[:3, 3] - patch.origin) @ patch.axes
     plane = (world_from_rig[:3, :3] @ view.rig_from_view).T @ patch.axes
     plane[:, 2] = -plane @ place
@@ -97,7 +97,8 @@ def gather(
 ) -> PlaneEvidence:
     """The evidence of packed views of frames whose pose is known; at most `MOST_VIEWS` of them, evenly chosen.
 
-    A view is weighted by the solid angle under which it shows a cell: near frontal views count more than far oblique ones.
+    A view is weighted by the solid angle under which it shows a cell: near frontal views count more than far oblique
+    ones.
     """
     poses = dict(zip(path.frames.tolist(), path.world_from_rig, strict=True))
     located = [packed_view for packed_view in packed_views if packed_view.frame in poses]
@@ -171,8 +172,8 @@ class _Sums:
 
 
 def _shown(pixels_from_patch: Floats, heights: Floats, view: ViewSpec) -> tuple[Floats, Floats]:
-    """Between which distances (rows,) from a patch's left side a view shows it, for each height (rows,): the first is the greater one where it does
-    not."""
+    """Between which distances (rows,) from a patch's left side a view shows it, for each height (rows,): the first is
+    the greater one where it does not."""
     u, v, depth = pixels_from_patch
     right, bottom = view.width - 1 - BORDER_PX, view.height - 1 - BORDER_PX
     limits = np.array([u - BORDER_PX * depth, right * depth - u, v - BORDER_PX * depth, bottom * depth - v])

@@ -26,7 +26,8 @@ BESIDE_PX, AROUND_PX, DARKER = 4, 10, 40.0
 
 @dataclass(frozen=True, eq=False)
 class Compact:
-    """A compact lamp: its middle (2,) px, its sizes px along the view's axes, and whether something before it may hide a side."""
+    """A compact lamp: its middle (2,) px, its sizes px along the view's axes, and whether something before it may hide
+    a side."""
 
     middle: Floats
     sizes: tuple[float, float]
@@ -40,21 +41,23 @@ class Compact:
 
 
 def compacts_of(grey: Singles, seed: Seed, joined: bool = False) -> list[Compact]:
-    """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in one mask;
-    a part that something hides may be one of a strip. `joined`: whether something joins lamps anywhere in the picture."""
+    """The compact lamp of a seed, or those of its parts where something bright that runs along the lamps joins them in
+    one mask; a part that something hides may be one of a strip. `joined`: whether something joins lamps anywhere in the
+    picture."""
     whole = compact_of(grey, seed, joined)
     if whole is not None:
         return [whole]
-    found = [compact_of(grey, part, joined=True) for part in seed.parts]
-    return [lamp for lamp in found if lamp is not None and not lamp.covered]
+    lamps = [compact_of(grey, part, joined=True) for part in seed.parts]
+    return [lamp for lamp in lamps if lamp is not None and not lamp.covered]
 
 
 def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | None:
-    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; without what shines beside it and goes on
-    to both sides, where something joins it with others. None where it does not, or not well within the picture."""
+    """A compact lamp by where its brightness falls sharply on all sides, along the view's axes; without what shines
+    beside it and goes on to both sides, where something joins it with others. None where it does not, or not well
+    within the picture."""
     if not _within_picture(grey, seed.middle, seed.length / 2 + BORDER_PX):
         return None
-    middle, sizes, found = seed.middle, [0.0, 0.0], []
+    middle, sizes, lamps = seed.middle, [0.0, 0.0], []
     for number, axis in enumerate(VIEW_AXES):
         across = VIEW_AXES[1 - number]
         along = np.linspace(-0.3 * seed.width, 0.3 * seed.width, SLICES)[:, None]
@@ -64,13 +67,13 @@ def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | Non
             return None
         low, high = median(left[both]), median(right[both])
         sizes[1 - number] = high - low
-        found.append((middle, across, low, high))
+        lamps.append((middle, across, low, high))
         middle = middle + (low + high) / 2 * across
     if max(sizes) > STRIP_RATIO * min(sizes):
         return None
     hidden = [
         tuple(is_covered(grey, about, across, seed.width, *end) for end in ((low, -1), (high, 1)))
-        for about, across, low, high in reversed(found)
+        for about, across, low, high in reversed(lamps)
     ]
     for number, axis in enumerate(VIEW_AXES if joined else ()):
         low, high = without_bar(grey, middle, axis, sizes[number], sizes[1 - number], seed.level)
@@ -84,7 +87,7 @@ def compact_of(grey: Singles, seed: Seed, joined: bool = False) -> Compact | Non
 
 def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
     """Compact lamps of one size on lines with a lamp, along the view's axes."""
-    found: list[Compact] = []
+    lamps: list[Compact] = []
     for number, axis in enumerate(VIEW_AXES):
         places = places_within(grey, lamp.middle, axis)
         lit = profile_of(grey, lamp.middle, axis, places, 0.3 * lamp.sizes[1 - number]) >= seed.level - DROP
@@ -94,8 +97,8 @@ def more_like(grey: Singles, seed: Seed, lamp: Compact) -> list[Compact]:
                 like = replace(seed, middle=lamp.middle + (first + last) / 2 * axis)
                 other = compact_of(grey, like)
                 if other is not None and np.allclose(other.sizes, lamp.sizes, rtol=WIDER, atol=1.0):
-                    found.append(other)
-    return found
+                    lamps.append(other)
+    return lamps
 
 
 def stands_out(grey: Singles, detection: Detection) -> bool:

@@ -1,4 +1,4 @@
-"""Whether the end of a lit strip is hidden by something that runs across it, such as a pipe or a purlin below the lamp."""
+"""Whether the end of a lit strip is hidden by something that runs across it, such as a pipe below the lamp."""
 
 import numpy as np
 
@@ -11,8 +11,9 @@ FLANK_PX = np.linspace(0, 2 * BESIDE_PX, 5)
 
 
 def is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:
-    """Whether something that runs across hides a strip where it ends, `outward` (+-1) along the axis: the brightness changes sharply beside
-    the strip too, on both sides, and is alike beyond the end. Before what runs behind it, a lamp's housing or glow shows there."""
+    """Whether something that runs across hides a strip where it ends, `outward` (+-1) along the axis: the brightness
+    changes sharply beside the strip too, on both sides, and is alike beyond the end. Before what runs behind it, a
+    lamp's housing or glow shows there."""
     reach = SHARP_PX / 2 + SAME_PX
     flanks = _flanks(grey, middle, axis, width, at + np.arange(-reach, reach + 0.01, STEP_PX))
     steps = np.abs(flanks[:, STEEP_STEPS:] - flanks[:, :-STEEP_STEPS]).max(axis=1)
@@ -21,9 +22,9 @@ def is_covered(grey: Singles, middle: Floats, axis: Floats, width: float, at: fl
 
 def _flanks(grey: Singles, middle: Floats, axis: Floats, width: float, along: Floats) -> Floats:
     """Brightness (2, n) beside a strip, on either side, at places along it."""
-    aside = 0.5 * width + max(BESIDE_PX, 0.25 * width) + FLANK_PX
-    values = sampled(grey, middle, axis, along, np.concatenate([-aside, aside]))
-    return np.asarray(values.reshape(-1, 2, len(aside)).mean(axis=2).T)
+    sideways = 0.5 * width + max(BESIDE_PX, 0.25 * width) + FLANK_PX
+    values = sampled(grey, middle, axis, along, np.concatenate([-sideways, sideways]))
+    return np.asarray(values.reshape(-1, 2, len(sideways)).mean(axis=2).T)
 
 
 def _goes_on_across(grey: Singles, middle: Floats, axis: Floats, width: float, at: float, outward: int) -> bool:

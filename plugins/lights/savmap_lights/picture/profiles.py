@@ -19,8 +19,8 @@ BORDER_PX = 3.0
 STEEP_STEPS, BEYOND_STEPS, NEARBY_STEPS = round(SHARP_PX / STEP_PX), round(BEYOND_PX / STEP_PX), 48
 HALF = 0.6
 STEEP_PART, VALLEY, STEP_SHARE = 0.4, 0.5, (0.25, 0.9)
-"""A fall is in two steps where it is at least `STEEP_PART` as steep as anywhere on both sides of a place where it is at most `VALLEY` as steep as on either,
-and where the first step is such a share of it."""
+"""A fall is in two steps where it is at least `STEEP_PART` as steep as anywhere on both sides of a place where it is at
+most `VALLEY` as steep as on either, and where the first step is such a share of it."""
 
 
 def places_within(grey: Singles, middle: Floats, axis: Floats) -> Floats:
@@ -36,8 +36,8 @@ def places_within(grey: Singles, middle: Floats, axis: Floats) -> Floats:
 def profile_of(grey: Singles, middle: Floats, axis: Floats, places: Floats, half: float) -> Floats:
     """Mean brightness (n,) at places along an axis, over a band of `half` px to either side."""
     steps = max(1, round(half))
-    aside = half / steps * np.arange(-steps, steps + 1, dtype=np.float64)
-    profile: Floats = sampled_aslant(grey, middle, normal_to(axis), axis, aside, places).mean(axis=0)
+    sideways = half / steps * np.arange(-steps, steps + 1, dtype=np.float64)
+    profile: Floats = sampled_aslant(grey, middle, normal_to(axis), axis, sideways, places).mean(axis=0)
     return profile
 
 
@@ -46,14 +46,16 @@ def normal_to(axis: Floats) -> Floats:
     return np.array([-axis[1], axis[0]])
 
 
-def sampled(grey: Singles, middle: Floats, axis: Floats, along: Floats, aside: Floats) -> Floats:
+def sampled(grey: Singles, middle: Floats, axis: Floats, along: Floats, sideways: Floats) -> Floats:
     """Brightness (n, m) at places along and aside of an axis."""
-    return sampled_aslant(grey, middle, axis, normal_to(axis), along, aside)
+    return sampled_aslant(grey, middle, axis, normal_to(axis), along, sideways)
 
 
-def sampled_aslant(grey: Singles, middle: Floats, axis: Floats, normal: Floats, along: Floats, aside: Floats) -> Floats:
+def sampled_aslant(
+    grey: Singles, middle: Floats, axis: Floats, normal: Floats, along: Floats, sideways: Floats
+) -> Floats:
     """Brightness (n, m) at places along an axis and along another one, which need not be at right angles to it."""
-    x, y = (np.add.outer(middle[k] + along * axis[k], aside * normal[k]).astype(np.float32) for k in (0, 1))
+    x, y = (np.add.outer(middle[k] + along * axis[k], sideways * normal[k]).astype(np.float32) for k in (0, 1))
     values = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(values, np.float64)
 
@@ -65,7 +67,7 @@ def median(values: Floats) -> float:
 
 
 def ends_of(profile: Floats, places: Floats, firsts: Ints, lasts: Ints) -> tuple[Floats, Bools]:
-    """Where runs of lit places (r,) end that way and this way (2, r) along a profile, and whether they do so sharply."""
+    """Where runs of lit places (r,) end that way and this way (2, r) along a profile, and whether sharply."""
     end = len(places) - 1
     dark = np.concatenate([end - firsts, lasts]) + 1
     at, sharp = falls(np.repeat([profile[::-1], profile], len(firsts), axis=0), np.minimum(dark, end))
@@ -76,8 +78,8 @@ def ends_of(profile: Floats, places: Floats, firsts: Ints, lasts: Ints) -> tuple
 def is_stepped(profile: Floats, dark: int) -> bool:
     """Whether a profile falls in two steps about its first dark place.
 
-    A lamp whose side shines less, or whose housing is dark, looks so from the nearer side. Which step is its end is not known to a pixel,
-    and a pixel there is 5 cm of height for a lamp 6 m above the camera.
+    A lamp whose side shines less, or whose housing is dark, looks so from the nearer side. Which step is its end is not
+    known to a pixel, and a pixel there is 5 cm of height for a lamp 6 m above the camera.
     """
     gap, reach = round(1 / STEP_PX), round(BEYOND_PX / STEP_PX)
     line = profile[max(dark - reach, 0) : dark + reach]
@@ -93,8 +95,8 @@ def is_stepped(profile: Floats, dark: int) -> bool:
 
 
 def falls(profiles: Floats, dark: Ints) -> tuple[Floats, Bools]:
-    """After how many steps profiles (n, m) fall steepest about their first dark places (n,), and whether they do so sharply: by most of
-    what they fall nearby, and well within the picture."""
+    """After how many steps profiles (n, m) fall steepest about their first dark places (n,), and whether they do so
+    sharply: by most of what they fall nearby, and well within the picture."""
     begin, end = np.maximum(dark - 2 * STEEP_STEPS, 0), np.minimum(dark + BEYOND_STEPS, profiles.shape[1])
     row, column = np.arange(len(dark)), np.arange(2 * STEEP_STEPS + BEYOND_STEPS)
     at = begin[:, None] + column
@@ -118,8 +120,8 @@ def falls(profiles: Floats, dark: Ints) -> tuple[Floats, Bools]:
 def sides(
     grey: Singles, middle: Floats, axes: tuple[Floats, Floats], along: Floats, reach: float, level: float
 ) -> tuple[Floats, Floats]:
-    """For each row of places (n, p) along the first of two axes, how far to either side (n,), px along the second, the mean brightness at
-    them falls sharply to dark; nan where it does not within reach. First it is looked for nearby."""
+    """For each row of places (n, p) along the first of two axes, how far to either side (n,), px along the second, the
+    mean brightness at them falls sharply to dark; nan where it does not within reach. First it is looked for nearby."""
     most = ceil((2 * reach + 0.01) / STEP_PX) // 2
     centre = STEP_PX * most - reach
     lines, left = np.full((2, len(along), most + 1), np.inf), np.arange(len(along))
@@ -129,8 +131,8 @@ def sides(
         lines[0, left, : half + 1], lines[1, left, : half + 1] = values[:, half::-1], values[:, half:]
         is_dark = lines < level - DROP
         dark = is_dark.argmax(axis=2)
-        known = is_dark.any(axis=2) & (dark + BEYOND_STEPS + BORDER_PX / STEP_PX < half)
-        left = np.flatnonzero(~known.all(axis=0))
+        certain = is_dark.any(axis=2) & (dark + BEYOND_STEPS + BORDER_PX / STEP_PX < half)
+        left = np.flatnonzero(~certain.all(axis=0))
         if not len(left):
             break
     at, sharp = falls(lines.reshape(-1, most + 1), dark.ravel())

@@ -18,8 +18,8 @@ BRIGHT = 0.75
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """What a mask says of a lamp: number of its detection, middle (2,) px, long axis (2,), length and width px, brightness, and the seeds of its
-    thick parts where thin ones join them."""
+    """What a mask says of a lamp: number of its detection, middle (2,) px, long axis (2,), length and width px,
+    brightness, and the seeds of its thick parts where thin ones join them."""
 
     number: int
     middle: Floats
@@ -32,12 +32,12 @@ class Seed:
 
 def seeds_of(grey: Singles, detections: Sequence[Detection], numbers: Container[int] | None = None) -> list[Seed]:
     """The seeds of the detections, or of those with these numbers, the largest first."""
-    found = [
+    seeds = [
         _with_parts(grey, detection, _seed(grey, detection, number))
         for number, detection in enumerate(detections)
         if numbers is None or number in numbers
     ]
-    return sorted((seed for seed in found if seed is not None), key=lambda seed: -seed.length * seed.width)
+    return sorted((seed for seed in seeds if seed is not None), key=lambda seed: -seed.length * seed.width)
 
 
 def _with_parts(grey: Singles, detection: Detection, seed: Seed | None) -> Seed | None:

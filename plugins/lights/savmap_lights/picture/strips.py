@@ -1,7 +1,7 @@
 """Lit strips in a ceiling-facing view: the network says where a lamp is, the picture's brightness how far it reaches.
 
-A network knows a long lamp by its ends and fades between them, so that masks end in the midst of it. What shines is the brightest
-thing in the picture: from a mask, it is followed along its axis to where the brightness falls.
+A network knows a long lamp by its ends and fades between them, so that masks end in the midst of it. What shines is the
+brightest thing in the picture: from a mask, it is followed along its axis to where the brightness falls.
 """
 
 from collections.abc import Sequence
@@ -36,9 +36,9 @@ THIN_PX, ROUNDS = 3.0, 3
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,) px along the
-    axis, None where it is cut, hidden or blurred; `covered`: where something that runs across hides an end; `reach`: how far it is seen
-    either way (2, 2) px."""
+    """A lit strip: a number of its own, from `FIRST_STRIP`, its detections, axis (2,), width px, and its two ends (2,)
+    px along the axis, None where it is cut, hidden or blurred; `covered`: where something that runs across hides an
+    end; `reach`: how far it is seen either way (2, 2) px."""
 
     instance: int
     numbers: tuple[int, ...]
@@ -50,15 +50,16 @@ class Body:
 
 
 def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
-    """The strips that seeds are parts of, whose brightness may vary by so much; in a line of light, each up to its joints."""
-    found: list[Body] = []
+    """The strips that seeds are parts of, whose brightness may vary by so much; in a line of light, each up to its
+    joints."""
+    bodies: list[Body] = []
     taken: set[int] = set()
     for seed in seeds:
         if seed.number not in taken:
             line = _strip(grey, seed, seeds)
-            found += [body for body in line if not any(overlap(body, other) for other in found)]
+            bodies += [body for body in line if not any(overlap(body, other) for other in bodies)]
             taken |= {number for body in line for number in body.numbers}
-    return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(found)]
+    return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(bodies)]
 
 
 def overlap(body: Body, other: Body) -> bool:
@@ -69,8 +70,9 @@ def overlap(body: Body, other: Body) -> bool:
 
 
 def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
-    """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then the longest, of all
-    axes and of two tolerances to how much its brightness may vary, which is little where the ceiling beside it is nearly as bright."""
+    """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then
+    the longest, of all axes and of two tolerances to how much its brightness may vary, which is little where the
+    ceiling beside it is nearly as bright."""
     best: list[Body] = []
     for axis in _axes(seed, seeds):
         for varies in VARYING:
@@ -94,7 +96,8 @@ def length_of(body: Body) -> float:
 
 
 def _axes(seed: Seed, seeds: Sequence[Seed]) -> list[Floats]:
-    """Directions (2,) in which a seed's lamp may lie: its own where it is long, else those of the view and those to its likes."""
+    """Directions (2,) in which a seed's lamp may lie: its own where it is long, else those of the view and those to its
+    likes."""
     if seed.length > STRIP_RATIO * seed.width:
         return [seed.axis]
     away = [other.middle - seed.middle for other in seeds if other is not seed]
@@ -106,7 +109,8 @@ def _axes(seed: Seed, seeds: Sequence[Seed]) -> list[Floats]:
 
 
 def _along(grey: Singles, seed: Seed, axis: Floats, seeds: Sequence[Seed]) -> list[Body]:
-    """The strip through a seed along an axis, and those that continue it beyond joints; none where what is lit there is no strip."""
+    """The strip through a seed along an axis, and those that continue it beyond joints; none where what is lit there is
+    no strip."""
     middle, width = seed.middle, THIN_PX
     for number in range(ROUNDS):
         runs = _runs(grey, seed, middle, axis, width, others=number == ROUNDS - 1)
@@ -158,12 +162,13 @@ class Run:
 
 def _within(offset: Floats, axis: Floats, width: float, low: float, high: float) -> bool:
     along = float(offset @ axis)
-    aside = abs(float(offset[0] * axis[1] - offset[1] * axis[0]))
-    return low - 1 <= along <= high + 1 and aside < 0.75 * width
+    sideways = abs(float(offset[0] * axis[1] - offset[1] * axis[0]))
+    return low - 1 <= along <= high + 1 and sideways < 0.75 * width
 
 
 def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float, others: bool) -> list[Run]:
-    """What is lit along an axis: the seed's own run first, then, if they are asked for, others as long as a strip; none without the first."""
+    """What is lit along an axis: the seed's own run first, then, if they are asked for, others as long as a strip; none
+    without the first."""
     places = places_within(grey, middle, axis)
     if len(places) < 2:
         return []
@@ -174,11 +179,11 @@ def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float,
     if not len(firsts):
         return []
     away = np.maximum(np.maximum(places[firsts], -places[lasts]), 0.0)
-    own = int(np.argmin(away))
-    if away[own] > seed.length / 2:
+    inner = int(np.argmin(away))
+    if away[inner] > seed.length / 2:
         return []
     long = np.flatnonzero(places[lasts] - places[firsts] >= width).tolist() if others else []
-    kept = np.array([own, *(k for k in long if k != own)])
+    kept = np.array([inner, *(k for k in long if k != inner)])
     ends, sharp = ends_of(profile, places, firsts[kept], lasts[kept])
     if others:
         for way, line, dark in ((0, profile[::-1], len(places) - firsts), (1, profile, lasts + 1)):
@@ -190,7 +195,8 @@ def _runs(grey: Singles, seed: Seed, middle: Floats, axis: Floats, width: float,
 def _straightened(
     grey: Singles, seed: Seed, middle: Floats, axis: Floats, run: Run
 ) -> tuple[Floats, Floats, float] | None:
-    """Middle, axis and width of a strip by where its brightness falls sharply to either side; None where it does not in most places."""
+    """Middle, axis and width of a strip by where its brightness falls sharply to either side; None where it does not in
+    most places."""
     margin = 0.1 * (run.high - run.low)
     along = np.linspace(run.low + margin, run.high - margin, SLICES * PARTS).reshape(SLICES, PARTS)
     normal = normal_to(axis)
@@ -201,10 +207,10 @@ def _straightened(
     both &= np.abs(wide - width) <= 0.3 * width + 1
     either = np.where(np.isfinite(left), left + width / 2, right - width / 2)
     centre = np.where(both, (left + right) / 2, either)
-    known = both if np.count_nonzero(both) >= FEWEST else np.isfinite(centre)
-    if np.count_nonzero(known) < SLICES / 3:
+    lit = both if np.count_nonzero(both) >= FEWEST else np.isfinite(centre)
+    if np.count_nonzero(lit) < SLICES / 3:
         return None
-    slope, shift, off = _line(along.mean(axis=1)[known], centre[known])
+    slope, shift, off = _line(along.mean(axis=1)[lit], centre[lit])
     if off > 0.15 * width + 0.7:
         return None
     turned = axis + slope * normal
@@ -212,7 +218,8 @@ def _straightened(
 
 
 def _line(at: Floats, values: Floats) -> tuple[float, float, float]:
-    """Slope and value at 0 of a line through values (n,), without those that are far from it, and the median distance to it."""
+    """Slope and value at 0 of a line through values (n,), without those that are far from it, and the median distance
+    to it."""
     slope, shift = 0.0, median(values)
     for _ in range(4):
         off = np.abs(values - slope * at - shift)

@@ -1,4 +1,5 @@
-"""Parts of strips. A girder or a cable tray at a strip's height crosses it, so that the strip shows as two or more; the parts are joined.
+"""Parts of strips. A girder or a cable tray at a strip's height crosses it, so that the strip shows as two or more; the
+parts are joined.
 
 Parts are nearer to one another than lamps are, and together they have the length of the other strips.
 """
@@ -14,14 +15,16 @@ from savmap_lights.space.places import Lamp
 FEWEST = 3
 ALIKE, ALIKE_M = 0.01, 0.02
 TOGETHER, TOGETHER_M = 0.05, 0.02
-"""So far the length of parts together may be off the usual one: on an overexposed ceiling ends come out a little too far apart, some more than others."""
+"""So far the length of parts together may be off the usual one: on an overexposed ceiling ends come out a little too
+far apart, some more than others."""
 MOST_PARTS = 4
 NEARER = 0.5
 """The gap between parts is at most this share of the least gap between whole strips."""
 
 
 def joined(lamps: Sequence[Lamp]) -> list[Lamp]:
-    """Strips along a line, ordered along x, with the parts of a strip joined. At least three other strips must have equal lengths."""
+    """Strips along a line, ordered along x, with the parts of a strip joined. At least three other strips must have
+    equal lengths."""
     extents = np.array([_extent(lamp) for lamp in lamps]).reshape(-1, 2)
     usual = _usual_strip(lamps, extents)
     if usual is None:
@@ -44,7 +47,8 @@ def _extent(lamp: Lamp) -> tuple[float, float]:
 
 
 def _usual_strip(lamps: Sequence[Lamp], extents: Floats) -> tuple[float, float] | None:
-    """The greatest length that enough strips have in common, m, and the least gap between two of these. None where there is none."""
+    """The greatest length that enough strips have in common, m, and the least gap between two of these. None where
+    there is none."""
     lengths = np.diff(extents, axis=1)[:, 0]
     two_ends = np.array([len(lamp) == 2 for lamp in lamps], np.bool_)
     same_length = (np.abs(lengths - lengths[:, None]) < ALIKE * lengths + ALIKE_M) & two_ends & two_ends[:, None]
@@ -57,7 +61,8 @@ def _usual_strip(lamps: Sequence[Lamp], extents: Floats) -> tuple[float, float] 
 
 
 def _last_part(lamps: Sequence[Lamp], extents: Floats, first: int, length: float, gap: float) -> int:
-    """The index of the last part of the strip that begins with lamp `first`; `first` itself where the lamp is a whole strip."""
+    """The index of the last part of the strip that begins with lamp `first`; `first` itself where the lamp is a whole
+    strip."""
     for last in range(first + 1, min(first + MOST_PARTS, len(lamps))):
         gap_before = extents[last, 0] - extents[last - 1, 1]
         if gap_before > NEARER * gap:

@@ -1,6 +1,7 @@
 """Ends and centres of lamps in space, by a known path: places along a line, heights, and the lamps' thickness.
 
-A camera below a box sees its lower edge at an end that lies beyond the camera, and its upper edge at an end that faces the camera.
+A camera below a box sees its lower edge at an end that lies beyond the camera, and its upper edge at an end that faces
+the camera.
 """
 
 from dataclasses import dataclass
@@ -19,8 +20,9 @@ FLOOR_M = 0.001
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """Rays to places along an axis: the number of the place and of its lamp (n,), where the ray starts along the axis and in height
-    (n,) m, its slope (n,), which edge it touches (n,), +1 the upper, -1 the lower, 0 neither, and its standard deviation (n,) m."""
+    """Rays to places along an axis: the number of the place and of its lamp (n,), where the ray starts along the axis
+    and in height (n,) m, its slope (n,), which edge it touches (n,), +1 the upper, -1 the lower, 0 neither, and its
+    standard deviation (n,) m."""
 
     place: Ints
     lamp: Ints
@@ -33,8 +35,8 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the lamps' thickness, m;
-    kept (n,): whether each ray fits."""
+    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the
+    lamps' thickness, m; kept (n,): whether each ray fits."""
 
     places: Floats
     heights: Floats
@@ -44,8 +46,8 @@ class Fitted:
 
 
 def fit(rays: Rays, level_m: float) -> Fitted:
-    """Places, heights and thickness by robust least squares (Tukey). A prior of `APART_M` binds the heights to a common one. A thickness is
-    accepted if it is significant and at most `2 * THICKEST_M`."""
+    """Places, heights and thickness by robust least squares (Tukey). A prior of `APART_M` binds the heights to a common
+    one. A thickness is accepted if it is significant and at most `2 * THICKEST_M`."""
     with_edges = _fit(rays, level_m, bool((rays.edge != 0).any()))
     half, sigma = with_edges[0].half_m, with_edges[1]
     if SURELY * sigma < half < THICKEST_M or not (rays.edge != 0).any():

@@ -1,4 +1,5 @@
-"""Lamps of a line by the places of their ends and centres: strips where the line is lit between two ends, and compact lamps."""
+"""Lamps of a line by the places of their ends and centres: strips where the line is lit between two ends, and compact
+lamps."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,8 +43,8 @@ def lit_stretches(middles: Sightings, level_m: float, line_z: float, facts: RowF
 
 
 def _along(starts: Sequence[Place], stops: Sequence[Place], lit: Floats) -> list[Lamp]:
-    """Strips along the line: a start is paired with the stop that follows it, if the line is lit between them. A start or a stop without a
-    partner, beside a lit stretch, is a strip with one end in sight."""
+    """Strips along the line: a start is paired with the stop that follows it, if the line is lit between them. A start
+    or a stop without a partner, beside a lit stretch, is a strip with one end in sight."""
     lamps: list[Lamp] = []
     paired: list[Place] = []
     ends = sorted([*starts, *stops], key=lambda place: place.x - place.outward[0] * SHORTEST_M / 4)
@@ -68,7 +69,8 @@ def _is_lit(start: float, stop: float, lit: Floats) -> bool:
 
 
 def _open(place: Place, limit: float, lit: Floats) -> list[Lamp]:
-    """A strip with one end in sight, as far as it was seen lit without a break, at most to `limit`; none if that is short."""
+    """A strip with one end in sight, as far as it was seen lit without a break, at most to `limit`; none if that is
+    short."""
     direction = -place.outward[0]
     reach = 0.0
     stretches = np.sort(direction * (lit - place.x), axis=1)
@@ -84,7 +86,7 @@ def _across(nears: Sequence[Place], fars: Sequence[Place]) -> list[Lamp]:
     """Strips across the line: ends on either side at one place along it."""
     lamps: list[Lamp] = []
     for near in nears:
-        beside = [far for far in fars if abs(far.x - near.x) <= SAME_LAMP_M]
-        if beside:
-            lamps.append({"end 0": near, "end 1": min(beside, key=lambda far: abs(far.x - near.x))})
+        nearby = [far for far in fars if abs(far.x - near.x) <= SAME_LAMP_M]
+        if nearby:
+            lamps.append({"end 0": near, "end 1": min(nearby, key=lambda far: abs(far.x - near.x))})
     return lamps

@@ -1,4 +1,4 @@
-"""The plane and the line of the lamps, by a sweep through heights: at the right one, sightings of all frames coincide."""
+"""The plane and the line of the lamps, by a sweep through heights: at the right one, all frames' sightings coincide."""
 
 from dataclasses import dataclass, replace
 
@@ -20,8 +20,9 @@ LEAST_FRAMES = 3
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """Sightings of ends and centres of lamps. `outward` (n, 2): the direction along x and z, 0 or +-1, in which a lamp ends there; (0, 0)
-    for centres. `middles` (n, 2): the slopes of the rays to the middle of the visible part of each one's lamp."""
+    """Sightings of ends and centres of lamps. `outward` (n, 2): the direction along x and z, 0 or +-1, in which a lamp
+    ends there; (0, 0) for centres. `middles` (n, 2): the slopes of the rays to the middle of the visible part of each
+    one's lamp."""
 
     sightings: Sightings
     outward: Ints
@@ -33,7 +34,7 @@ class Marks:
             self, sightings=self.sightings.where(keep), outward=self.outward[keep], middles=self.middles[keep]
         )
 
-    def aside(self, level_m: float) -> Floats:
+    def sideways(self, level_m: float) -> Floats:
         """z (n,) m of the lamps' middles at a level."""
         origins = self.sightings.origins
         return np.asarray(origins[:, 2] + (level_m - origins[:, 1]) * self.middles[:, 1])
@@ -45,7 +46,8 @@ class Marks:
 
 
 def marks_of(sightings: Sightings) -> Marks:
-    """The ends of strips, and the centres of compact lamps. An end points away from the middle of the visible part of its strip."""
+    """The ends of strips, and the centres of compact lamps. An end points away from the middle of the visible part of
+    its strip."""
     middles = {
         (feature.frame, feature.view, feature.instance): slope
         for feature, slope in zip(sightings.features, sightings.slopes, strict=True)
@@ -65,9 +67,11 @@ def marks_of(sightings: Sightings) -> Marks:
 
 
 def level_of(marks: Marks) -> float:
-    """The height, m, at which marks of one kind in different frames coincide best. The search above the camera is coarse, then fine.
+    """The height, m, at which marks of one kind in different frames coincide best. The search above the camera is
+    coarse, then fine.
 
-    The tolerance grows with the height tried: else the lowest height, where all rays are close, would always have the best score.
+    The tolerance grows with the height tried: else the lowest height, where all rays are close, would always have the
+    best score.
     """
     base = float(marks.sightings.origins[:, 1].mean())
     steps = int(np.log(HEIGHTS_M[1] / HEIGHTS_M[0]) / np.log(COARSE_STEP))
@@ -78,8 +82,8 @@ def level_of(marks: Marks) -> float:
 
 
 def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
-    """The score of a height: Gaussian weights of the distances between marks of one kind in different frames, summed over pairs. The sigma is
-    `width` times the height."""
+    """The score of a height: Gaussian weights of the distances between marks of one kind in different frames, summed
+    over pairs. The sigma is `width` times the height."""
     places = marks.sightings.at(base + above)
     near = over_aisle(marks, base + above)
     total = 0.0
@@ -97,18 +101,19 @@ def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
 
 def over_aisle(marks: Marks, level_m: float) -> Bools:
     """Whether each mark's (n,) lamp, at a level, would be in front of the face and not far aside of the camera."""
-    z = marks.aside(level_m)
+    z = marks.sideways(level_m)
     near: Bools = (z > 0) & (np.abs(z - marks.sightings.origins[:, 2]) < NEAR_M)
     return near
 
 
 def line_of(marks: Marks, level_m: float) -> float:
-    """z of the line of lamps, parallel to x, that is nearest to the camera's path, of those with marks that many frames agree on.
+    """z of the line of lamps, parallel to x, that is nearest to the camera's path, of those with marks that many frames
+    agree on.
 
     Raises StructureError where there is none."""
     places, above = marks.sightings.at(level_m), level_m - float(marks.sightings.origins[:, 1].mean())
     weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.sightings.certainty
-    z = marks.aside(level_m)
+    z = marks.sideways(level_m)
     weight[(_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
     firm = z[weight > 0]
     lines = peaks.peaks(firm, SAME_LINE_M, LEAST_FRAMES)
@@ -131,5 +136,6 @@ def _partners(marks: Marks, places: Floats, width_m: float) -> Ints:
 def no_lamp() -> StructureError:
     """The error for a row in which no lamps are found."""
     return StructureError(
-        "no three frames show a lamp in one place: does the ceiling view show lamps, and was the network trained on such?"
+        "no three frames show a lamp in one place: does the ceiling view show lamps, and was the network trained on "
+        "such?"
     )

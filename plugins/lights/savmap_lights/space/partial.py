@@ -1,9 +1,11 @@
 """Compact lamps of which an object hides a part: their centres, by the visible side and the size of the other lamps.
 
-A single frame does not say which side is hidden. Both centres are tried, and only the right one is the same in many frames.
+A single frame does not say which side is hidden. Both centres are tried, and only the right one is the same in many
+frames.
 
-The middle of a lamp's picture is not that of the lamp. In an oblique view, the far side shows its lower edge and the near side its upper edge,
-so that the picture reaches farther beyond the far side than before the near one. The growth of the picture with obliqueness gives the thickness.
+The middle of a lamp's picture is not that of the lamp. In an oblique view, the far side shows its lower edge and the
+near side its upper edge, so that the picture reaches farther beyond the far side than before the near one. The growth
+of the picture with obliqueness gives the thickness.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,8 +26,9 @@ Instance = tuple[int, str, int]
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """The four sides of a compact lamp in a frame, two and two opposite: pixels (4, 2); places (4, 2), x and z m, at a level; the slopes (2,) of
-    the ray to their middle, along x and z per metre upwards; `above_m`: the level's height above the camera."""
+    """The four sides of a compact lamp in a frame, two and two opposite: pixels (4, 2); places (4, 2), x and z m, at a
+    level; the slopes (2,) of the ray to their middle, along x and z per metre upwards; `above_m`: the level's height
+    above the camera."""
 
     pixels: Floats
     places: Floats
@@ -38,7 +41,7 @@ class Sides:
         return np.abs(self.slopes)
 
     def outward(self, sizes: Floats, thickness_m: float) -> Floats:
-        """The offset (2,) m, along x and z, of the sides' middle from that of a lamp of sizes (2,) m and a thickness."""
+        """The offset (2,) m, along x and z, of the sides' middle from that of a lamp, by its sizes (2,) m and thickness."""
         most = sizes / (2 * self.above_m)
         return np.asarray(thickness_m / 2 * np.clip(self.slopes, -most, most))
 
@@ -53,11 +56,12 @@ def completed(features: Sequence[Feature], sightings: Sightings, level_m: float,
 
     - A lamp of the usual size is put at its middle.
     - A lamp with a part missing is put at both possible middles.
-    - A lamp that is too wide, because a bright object runs beside it along the line, is put at the middle nearer to the line.
+    - A lamp that is too wide, because a bright object runs beside it along the line, is put at the middle nearer to the
+      line.
     - A lamp that is larger otherwise is left out.
 
-    The usual size is the median of the lamps on the line at `line_z`, of those that nothing hides if there are enough. It grows with the
-    obliqueness of the view, in which a lamp's flank shows.
+    The usual size is the median of the lamps on the line at `line_z`, of those that nothing hides if there are enough.
+    It grows with the obliqueness of the view, in which a lamp's flank shows.
     """
     sides_of = _sides(sightings, level_m)
     sides_on_line = {
@@ -117,7 +121,8 @@ def _sides(sightings: Sightings, level_m: float) -> dict[Instance, Sides]:
 
 
 def _candidates(feature: Feature, sides: Sides, usual: Floats, line_z: float) -> Iterator[Feature]:
-    """The possible centres of a lamp. usual (2, 2): by axis x and z, its size seen from below and its growth with obliqueness, m."""
+    """The possible centres of a lamp. usual (2, 2): by axis x and z, its size seen from below and its growth with
+    obliqueness, m."""
     size, expected = sides.size, usual[:, 0] + usual[:, 1] * sides.aslant
     missing = expected - size
     has_usual_size = np.abs(missing) <= ALIKE * expected + ALIKE_M

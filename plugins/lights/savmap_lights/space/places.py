@@ -17,8 +17,8 @@ JOINT_M = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """An end or a centre: x, m, at the lamps' level; the direction in which its lamp ends there; and the indices of its marks. `seen_to`: x to
-    which its lamp was seen, where no other end is in sight."""
+    """An end or a centre: x, m, at the lamps' level; the direction in which its lamp ends there; and the indices of its
+    marks. `seen_to`: x to which its lamp was seen, where no other end is in sight."""
 
     x: float
     outward: tuple[int, int]
@@ -32,8 +32,8 @@ Lamp = dict[str, Place]
 
 @dataclass(frozen=True, eq=False)
 class Aisle:
-    """A line of lamps: its marks, height and z, m; the stretches (n, 2) of x that are lit; glimpses (k, 2), x and z m, of partly hidden lamps;
-    and the glimpses' frames (k,)."""
+    """A line of lamps: its marks, height and z, m; the stretches (n, 2) of x that are lit; glimpses (k, 2), x and z m,
+    of partly hidden lamps; and the glimpses' frames (k,)."""
 
     marks: Marks
     level_m: float
@@ -46,7 +46,8 @@ class Aisle:
 
 
 def places_of(aisle: Aisle, outward: tuple[int, int]) -> list[Place]:
-    """Places at which marks of one outward direction agree, in enough of the frames between the first and the last that show them."""
+    """Places at which marks of one outward direction agree, in enough of the frames between the first and the last that
+    show them."""
     marks = aisle.marks
     indices = np.flatnonzero((marks.outward == np.array(outward)).all(axis=1))
     x = marks.sightings.at(aisle.level_m)[indices, 0]
@@ -60,7 +61,8 @@ def places_of(aisle: Aisle, outward: tuple[int, int]) -> list[Place]:
 
 
 def shown(places: Sequence[Place], joined: Sequence[Place], aisle: Aisle) -> list[Place]:
-    """The places that are seen in enough of the frames that could show them. A joint, near a place of `joined`, shows from below only."""
+    """The places that are seen in enough of the frames that could show them. A joint, near a place of `joined`, shows
+    from below only."""
     points = np.array([[place.x, aisle.level_m, aisle.line_z] for place in places]).reshape(-1, 3)
     frames_in_view = frames_showing(points, aisle.facts, aisle.path, UPWARDS[:, 2])
     counts = [len(_frames_of(aisle, place.marks, place.x)) for place in places]
@@ -86,7 +88,8 @@ def _nearest_per_frame(marks: Marks, chosen: Ints, level_m: float, x: float) -> 
 
 
 def _is_steady(aisle: Aisle, chosen: Ints, x: float) -> bool:
-    """Whether a place is seen in enough of the frames with a rendered view, between the first and the last frame that measured it."""
+    """Whether a place is seen in enough of the frames with a rendered view, between the first and the last frame that
+    measured it."""
     sightings, facts = aisle.marks.sightings, aisle.facts
     measured = sightings.frames[chosen]
     frames = _frames_of(aisle, chosen, x)

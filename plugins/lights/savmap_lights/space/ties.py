@@ -18,7 +18,8 @@ FEWEST = 3
 HALVINGS = 30
 SQRT_2 = 2**0.5
 STATED = 4
-"""The weight of the stated standard deviations in a variance, in measurements; the residuals of the rays have the other part."""
+"""The weight of the stated standard deviations in a variance, in measurements; the residuals of the rays have the other
+part."""
 
 
 def ties(
@@ -28,8 +29,9 @@ def ties(
     path: Trajectory,
     on_a_line: bool,
 ) -> list[door.Relation]:
-    """Relations between the same parts of neighbouring lamps. With `on_a_line`, the user says that all lamps have one height and one line, and
-    all relations are given. Else equal y, and equal z, are given if they hold for most lamps, between the lamps for which they hold."""
+    """Relations between the same parts of neighbouring lamps. With `on_a_line`, the user says that all lamps have one
+    height and one line, and all relations are given. Else equal y, and equal z, are given if they hold for most lamps,
+    between the lamps for which they hold."""
     if on_a_line:
         by_part = _are_across(tracks, facts, path)
         return [*_all_equal("y", keys, False), *_all_equal("z", keys, by_part)]
@@ -81,7 +83,8 @@ def _tied(
 
 
 def agreeing(values: Floats, sigmas: Floats) -> np.ndarray:
-    """Whether each value (n,), with a standard deviation (n,), agrees with the weighted median. None does where most do not."""
+    """Whether each value (n,), with a standard deviation (n,), agrees with the weighted median. None does where most do
+    not."""
     if len(values) < FEWEST:
         return np.zeros(len(values), np.bool_)
     spread = np.hypot(sigmas, HANGS_M)
@@ -91,8 +94,8 @@ def agreeing(values: Floats, sigmas: Floats) -> np.ndarray:
 
 
 def unnoticed(values: Floats, sigmas: Floats) -> float:
-    """The true scatter, m, of values (n,) with standard deviations (n,) that their misfit does not reveal: with this additional scatter, the chi
-    square about their mean is its median. 0 where it is below the median without any."""
+    """The true scatter, m, of values (n,) with standard deviations (n,) that their misfit does not reveal: with this
+    additional scatter, the chi square about their mean is its median. 0 where it is below the median without any."""
     if len(values) < FEWEST:
         return 0.0
     least = float(chdtri(len(values) - 1, 0.5))

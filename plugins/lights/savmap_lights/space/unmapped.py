@@ -43,14 +43,14 @@ def lights_beside(lamps: Sequence[Lamp], frames: Sequence[int], lights: Sequence
     their order along x, and were seen in so many `frames`."""
     reaches = np.array([reach_of(lamp) for lamp in lamps])
     spaced = spacing_of(reaches.mean(axis=1))
-    beside: dict[int, float] = {}
+    light_of: dict[int, float] = {}
     for light in sorted(lights, key=lambda light: light.frames):
         after = int(np.searchsorted(reaches[:, 0], light.x))
         before = max(after - 1, 0)
         is_between = spaced is not None and abs(_off_step(light.x - spaced[0], spaced[1])) > NEAR_STEP
         if light.frames >= OFTEN * np.mean(frames[before : after + 1]) and not is_between:
-            beside[before] = light.x
-    return beside
+            light_of[before] = light.x
+    return light_of
 
 
 def spacing_of(middles: Floats) -> tuple[float, float] | None:

@@ -1,8 +1,9 @@
 """Which of the references the pictures and the other references contradict: Baarda's test, of every set of a few.
 
-What the pictures say of the references' values is a normal distribution that leaves scale and place open: these follow from references alone,
-and what a solve says of them beside is assumptions, such as that of a steady camera, which refute no reference. What all but some references
-say together, and of those, is algebra of as many unknowns as there are references: every set of suspects is tried.
+What the pictures say of the references' values is a normal distribution that leaves scale and place open: these follow
+from references alone, and what a solve says of them beside is assumptions, such as that of a steady camera, which
+refute no reference. What all but some references say together, and of those, is algebra of as many unknowns as there
+are references: every set of suspects is tried.
 """
 
 from collections.abc import Mapping
@@ -18,10 +19,12 @@ from savmap.types import Floats, Ints, ReferenceUse
 FALSE_ALARMS = 0.01
 """In how many rows whose references are all right one of them is taken for wrong."""
 CLEARLY = 16.0
-"""A set of suspects is excluded where it explains so much less than another one, in squared standard deviations: odds of 3000 to 1."""
+"""A set of suspects is excluded where it explains so much less than another one, in squared standard deviations: odds
+of 3000 to 1."""
 LOOSE_M = 100.0
 RANK = 1e-12
-"""Variances that are so much smaller than the largest are those of rounding: of differences between references to one thing."""
+"""Variances that are so much smaller than the largest are those of rounding: of differences between references to one
+thing."""
 MOST_TRIED = 2000
 LEAST_BELIEVED = 2
 """References that an explanation must leave standing, where there are so many."""
@@ -30,8 +33,9 @@ Names = frozenset[str]
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The references' `values` (r,) in a solve that takes them for uncertain by `sigmas` (r,), m, with their `covariance` (r, r), and the
-    orthonormal directions (r, g) in which they change where the whole scene is scaled or moved, which pictures do not show."""
+    """The references' `values` (r,) in a solve that takes them for uncertain by `sigmas` (r,), m, with their
+    `covariance` (r, r), and the orthonormal directions (r, g) in which they change where the whole scene is scaled or
+    moved, which pictures do not show."""
 
     values: Floats
     sigmas: Floats
@@ -41,11 +45,12 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """References by `names` (r,), of which equal ones are one reference, that are `off` (r,) what was solved for with soft references, m, and
-    have standard deviations `sigmas` (r,). `unseen` (r,): to how many metres what a reference is of was seen, where that was not seen well.
+    """References by `names` (r,), of which equal ones are one reference, that are `off` (r,) what was solved for with
+    soft references, m, and have standard deviations `sigmas` (r,). `unseen` (r,): to how many metres what a reference
+    is of was seen, where that was not seen well.
 
-    Their values change with unknowns y (k,) by `slopes` (r, k): two references to one thing change alike. What the pictures say of y costs
-    y' information y - 2 shift' y."""
+    Their values change with unknowns y (k,) by `slopes` (r, k): two references to one thing change alike. What the
+    pictures say of y costs y' information y - 2 shift' y."""
 
     names: tuple[str, ...]
     values: Floats
@@ -68,8 +73,8 @@ class Agreement:
         shift = soft @ off
         assumed = _assumed(information, slopes.T @ solved.gauge)
         along = information @ assumed
-        known = information - along @ along.T, shift - along @ (assumed.T @ shift)
-        return cls(names, values, off, sigmas, np.zeros_like(sigmas), slopes, *known)
+        known_parts = information - along @ along.T, shift - along @ (assumed.T @ shift)
+        return cls(names, values, off, sigmas, np.zeros_like(sigmas), slopes, *known_parts)
 
     @cached_property
     def all_names(self) -> tuple[str, ...]:
@@ -91,8 +96,8 @@ class Agreement:
         return ReferenceUse(name, float(self.values[index]), float(self.sigmas[index]), float("nan"))
 
     def cost(self, out: Names = frozenset()) -> float:
-        """How badly pictures and references agree without those that are `out`: a sum of squares in standard deviations, up to a
-        constant."""
+        """How badly pictures and references agree without those that are `out`: a sum of squares in standard
+        deviations, up to a constant."""
         matrix, right, weight = self._normal(out)
         return float(weight @ self.off**2 - right @ np.linalg.solve(matrix, right))
 
@@ -106,8 +111,8 @@ class Agreement:
         }
 
     def rest(self, name: str, out: Names = frozenset()) -> tuple[float, float]:
-        """What all others but those that are `out` say of a reference's value, and its standard deviation, m; of several
-        by one name, the one that is farthest off."""
+        """What all others but those that are `out` say of a reference's value, and its standard deviation, m; of
+        several by one name, the one that is farthest off."""
         index = int(max(self.at(name), key=lambda index: abs(self.off[index])))
         matrix, right, _ = self._normal(out | {name})
         slope, inverse = self.slopes[index], np.linalg.inv(matrix)
@@ -115,8 +120,8 @@ class Agreement:
         return float(self.values[index] + self.off[index] + moved), float(np.sqrt(variance))
 
     def common_error(self, names: Names, out: Names = frozenset()) -> float:
-        """How well an error that some references have in common shows without those that are `out`: its standard deviation, m. For a single
-        reference that is of its difference from what all others say."""
+        """How well an error that some references have in common shows without those that are `out`: its standard
+        deviation, m. For a single reference that is of its difference from what all others say."""
         matrix, _, weight = self._normal(out)
         member = weight * np.isin(self.names, sorted(names))
         along = self.slopes.T @ member
@@ -124,9 +129,9 @@ class Agreement:
         return float(max(shown, LOOSE_M**-2.0) ** -0.5)
 
     def explanations(self, mistakable: Names = frozenset()) -> list[Names]:
-        """The least sets without which all others agree, those that explain about as much as the best of them does, that one first;
-        the empty one alone where all agree. None where no minority will do; references whose landmark is `mistakable` for another, for it
-        looks odd, count last and may be many."""
+        """The least sets without which all others agree, those that explain about as much as the best of them does,
+        that one first; the empty one alone where all agree. None where no minority will do; references whose landmark
+        is `mistakable` for another, for it looks odd, count last and may be many."""
         for firm in range((len(self.all_names) + 1) // 2):
             for loose in range(len(mistakable) + 1):
                 explained = self._explanations(mistakable, firm, loose)
@@ -167,7 +172,8 @@ class Agreement:
         return sorted(deviations, key=lambda name: -deviations[name])
 
     def _normal(self, out: Names) -> tuple[Floats, Floats, Floats]:
-        """The normal equations of y without those that are `out`: matrix (k, k) and right side (k,), and the references' weights (r,)."""
+        """The normal equations of y without those that are `out`: matrix (k, k) and right side (k,), and the
+        references' weights (r,)."""
         used = np.array([name not in out for name in self.names])
         weight = used / (self.sigmas**2 + self.unseen**2)
         matrix = self.information + (self.slopes.T * weight) @ self.slopes + np.eye(len(self.shift)) / LOOSE_M**2
@@ -175,7 +181,8 @@ class Agreement:
 
 
 def _assumed(information: Floats, gauge: Floats) -> Floats:
-    """Independent directions (k, d) within the gauge (k, g), each one standard deviation long, in which there is information (k, k) at all."""
+    """Independent directions (k, d) within the gauge (k, g), each one standard deviation long, in which there is
+    information (k, k) at all."""
     strength, turned = np.linalg.eigh(gauge.T @ information @ gauge)
     determined = strength > LOOSE_M**-2.0
     return np.asarray(gauge @ turned[:, determined] / np.sqrt(strength[determined]))

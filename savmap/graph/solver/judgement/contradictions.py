@@ -1,8 +1,9 @@
-"""References that the pictures and the other references contradict are found before any measurement is rejected in favour of one.
+"""References that the pictures and the other references contradict are found before any measurement is rejected in
+favour of one.
 
-In a solve with stiff references, a wrong one wins: what was seen of its own landmark does not fit any more, and is rejected. So the row is
-solved with `softened` references first. Its shape is that of the pictures then, and only what they leave open follows the references,
-which are compared with it and with one another (see `agreement`).
+In a solve with stiff references, a wrong one wins: what was seen of its own landmark does not fit any more, and is
+rejected. So the row is solved with `softened` references first. Its shape is that of the pictures then, and only what
+they leave open follows the references, which are compared with it and with one another (see `agreement`).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,7 +35,8 @@ from savmap.types.maps import OFF_SIGMAS
 KNOWN_M = 0.05
 NAMED, AT_LEAST_NAMED = 4, 2
 ABSURD = 10.0
-"""What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it is of."""
+"""What differs by so many times a figure, or as many metres, is no other figure: something else was taken for what it
+is of."""
 NOTHING_SIGMA = 3.0
 """A distance that is no more standard deviations than these may be nothing."""
 LEAST_LEFT, LEAST_CHECKED = 4, 3
@@ -44,15 +46,16 @@ SEVERAL, LARGE_SHARE = 3, 0.4
 Place = tuple[float, float, float]
 UNITS = {"feet": 0.3048, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001}
 UNIT_SIGMA, BY_CHANCE = 2.0, 0.05
-"""A value is taken to be in another unit where it is right in that to so many standard deviations, and where a wrong value would be so in one of
-the units in at most such a share of cases: a mistake in reading, typing or of the landmark may give any value up to the larger one."""
+"""A value is taken to be in another unit where it is right in that to so many standard deviations, and where a wrong
+value would be so in one of the units in at most such a share of cases: a mistake in reading, typing or of the landmark
+may give any value up to the larger one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """The problem without the references that are wrong; where it is not clear which one is, with all of them as
-    uncertain as they contradict one another. Notes for the user, warnings, errors that would stay `hidden`, and notes of
-    these. `unseen`: to how many metres what references are of was seen, where that was not seen well. `given`: the
+    uncertain as they contradict one another. Notes for the user, warnings, errors that would stay `hidden`, and notes
+    of these. `unseen`: to how many metres what references are of was seen, where that was not seen well. `given`: the
     problem with all references as they were given, where they differ."""
 
     problem: Problem
@@ -79,8 +82,8 @@ def agreement(soft: Problem, given: Problem, estimate: Estimate, covariance: Cov
 
 
 def _gauge(problem: Problem, solution: Floats, slopes: Floats) -> Floats:
-    """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved along each axis whose
-    origin is not fixed: orthonormal (r, g). Nothing is free where the camera's path is given."""
+    """How references' values (r,) with slopes (r, 3n) to points change where the scene is scaled, and where it is moved
+    along each axis whose origin is not fixed: orthonormal (r, g). Nothing is free where the camera's path is given."""
     if problem.camera.fixed is not None:
         return np.zeros((len(solution), 0))
     fixed = {item.column for item in problem.relations if item.b is None and not item.name}
@@ -89,30 +92,32 @@ def _gauge(problem: Problem, solution: Floats, slopes: Floats) -> Floats:
 
 
 def judgement_of(soft: Problem, problem: Problem, estimate: Estimate, covariances: Iterator[Covariance]) -> Judgement:
-    """The problem without what is wrong in it, from the estimate of the softened problem and its covariances: that of the solve, and, where that
-    contradicts a reference, that in which points whose measurements are at no one place count less.
+    """The problem without what is wrong in it, from the estimate of the softened problem and its covariances: that of
+    the solve, and, where that contradicts a reference, that in which points whose measurements are at no one place
+    count less.
 
-    Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without telling which is
-    wrong, or at all where the user wants that; never for what is presumed.
+    Raises SolveError where references contradict one another so that most of them may be wrong, or grossly without
+    telling which is wrong, or at all where the user wants that; never for what is presumed.
     """
     agreed = agreement(soft, problem, estimate, next(covariances))
     explained = _possible(problem, agreed, _explanations(problem, agreed))
     unseen = dict[str, float]()
     if explained and explained[0]:
         seen = agreement(soft, problem, estimate, next(covariances))
-        while found := dict(_unseen(agreed, seen, explained, frozenset((*problem.presumed, *unseen)))):
-            unseen |= found
+        while vague := dict(_unseen(agreed, seen, explained, frozenset((*problem.presumed, *unseen)))):
+            unseen |= vague
             agreed = replace(agreed, unseen=np.array([unseen.get(name, 0.0) for name in agreed.names]))
             explained = _possible(problem, agreed, _explanations(problem, agreed))
     return replace(_judged(problem, agreed, explained, estimate), unseen=unseen)
 
 
 def _unseen(
-    agreed: Agreement, seen: Agreement, explained: Sequence[Names], known: Names
+    agreed: Agreement, seen: Agreement, explained: Sequence[Names], settled: Names
 ) -> Iterator[tuple[str, float]]:
-    """The suspects, but those `known`, of what was not seen so well that it contradicts them, and to how many metres it was `seen`."""
+    """The suspects, but those `known`, of what was not seen so well that it contradicts them, and to how many metres it
+    was `seen`."""
     for suspects in explained:
-        for name in suspects - known:
+        for name in suspects - settled:
             given, (rest, _), (_, sigma) = agreed.given(name), agreed.rest(name, suspects), seen.rest(name, suspects)
             if abs(rest - given.value) < OFF_SIGMAS * np.hypot(given.sigma, sigma):
                 yield name, sigma
@@ -158,8 +163,8 @@ def _mistaken(problem: Problem, agreed: Agreement) -> Names:
 
 
 def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
-    """The sets of references that may be wrong. What is presumed is so before anything that was given. Those passed over
-    are taken for likelier than others where that leaves enough to check one another."""
+    """The sets of references that may be wrong. What is presumed is so before anything that was given. Those passed
+    over are taken for likelier than others where that leaves enough to check one another."""
     presumed = frozenset(problem.presumed)
     if presumed and agreed.agrees(presumed) and not agreed.agrees():
         return [presumed]
@@ -169,16 +174,16 @@ def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
 
 
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
-    """References that seem to be of something that was not seen, the next one up in its place: at most half of those of their kind. Goods hide the
-    lowest beams of several bays as easily as that of one."""
+    """References that seem to be of something that was not seen, the next one up in its place: at most half of those of
+    their kind. Goods hide the lowest beams of several bays as easily as that of one."""
     kind = {relation.name for relation in problem.relations if relation.note_if_outlier} & {*agreed.all_names}
     higher = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
     return higher if 2 * len(higher) <= len(kind) else frozenset()
 
 
 def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> list[tuple[str, Names]]:
-    """References that may be wrong, each with those that are left out with it: those that explain the contradiction and, where these are
-    few or nothing explains it, those that deviate most."""
+    """References that may be wrong, each with those that are left out with it: those that explain the contradiction
+    and, where these are few or nothing explains it, those that deviate most."""
     suspects = {name: (name, out) for out in explained for name in sorted(out)}
     deviations = agreed.deviations()
     for name in sorted(deviations, key=lambda name: -deviations[name]):
@@ -188,8 +193,8 @@ def _suspects(agreed: Agreement, explained: Sequence[Names], clear: bool) -> lis
 
 
 def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
-    """Whether the rest determines what the references that are left out would have, or surely something else was seen than these are of; and they are
-    not all those that give the scale."""
+    """Whether the rest determines what the references that are left out would have, or surely something else was seen
+    than these are of; and they are not all those that give the scale."""
     scales, passed = _scales(problem), _passed_over(problem, agreed)
 
     def is_known(name: str) -> bool:
@@ -201,8 +206,8 @@ def _is_credible(problem: Problem, agreed: Agreement, out: Names) -> bool:
 
 
 def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> list[Names]:
-    """The explanations that leave the scene some extent; all of them where none does. Equal heights of several bays also agree in a scene
-    that has shrunk to a point, where every distance is 0. No such scene is real."""
+    """The explanations that leave the scene some extent; all of them where none does. Equal heights of several bays
+    also agree in a scene that has shrunk to a point, where every distance is 0. No such scene is real."""
     lengths = frozenset(item.name for item in problem.relations if item.name and item.b is not None)
     left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]
     return left or explained
@@ -237,7 +242,8 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
         if warned and not harmless:
             warnings.append(warning)
     if len(warnings) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
-        line = f"{len(warnings)} of {len(agreed.all_names)} contradict the rest: check that they are of this row, and its `side`"
+        count = f"{len(warnings)} of {len(agreed.all_names)}"
+        line = f"{count} contradict the rest: check that they are of this row, and its `side`"
         warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
     warnings += _granted(problem, agreed, out)
     return Judgement(without(problem, out), tuple(notes), tuple(warnings), *unchecked(problem, agreed, out))
@@ -280,18 +286,22 @@ def _uncertain(
 
 
 def _or_the_camera(problem: Problem) -> Iterator[str]:
-    """What else may be wrong, where the camera is taken to be perfect: lenses that are not in one place bend the scene."""
+    """What else may be wrong where the camera is taken to be perfect: lenses that stand apart bend the scene."""
     if problem.camera.calibration is None:
-        yield "if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or `{panorama: true}`"
+        yield (
+            "if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or "
+            "`{panorama: true}`"
+        )
 
 
 def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[MapWarning]:
-    """A warning about each reference that nobody measured and nothing checks: with it the map's scale or place is taken for granted."""
+    """A warning about each reference that nobody measured and nothing checks: with it the map's scale or place is taken
+    for granted."""
     for name in problem.presumed:
         if name not in out and is_alone(agreed, frozenset({name}), out):
             why = (
-                f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods may hide it, and the map is wrong "
-                "by as much then; give a length, or a height on the structure"
+                f"scale or place rest on the {name}, and the floor itself does not show where it is: guards or goods "
+                "may hide it, and the map is wrong by as much then; give a length, or a height on the structure"
             )
             yield MapWarning("doubtful-scale", details=(why,))
 
@@ -342,7 +352,8 @@ def _in_unit(agreed: Agreement, name: str, out: Names) -> str:
 
 
 def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) -> str:
-    """The unit other than metres in which a value, with its given standard deviation, is what the rest says, and that for no chance; "" where there is none."""
+    """The unit other than metres in which a value, with its given standard deviation, is what the rest says, and that
+    for no chance; "" where there is none."""
     for unit, metres in UNITS.items():
         within = UNIT_SIGMA * float(np.hypot(given_sigma * metres, sigma))
         if abs(value * metres - otherwise) <= within:
@@ -352,7 +363,8 @@ def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) ->
 
 
 def _place(problem: Problem, soft: Estimate, relation: Relation | None) -> Place | None:
-    """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are put in the middle."""
+    """Where a reference's landmarks are, m. Edges of uprights, of which nobody measured where along them they are, are
+    put in the middle."""
     if relation is None:
         return None
     ends = [soft.points[problem.index(key)] for key in (relation.a, relation.b) if key is not None]

@@ -126,11 +126,11 @@ def _solved(problem: Problem, relation: Relation, estimate: Estimate) -> SolvedR
 
 
 def _test(solved: SolvedReference, covariance: Covariance, unseen: float) -> ReferenceTest:
-    """Baarda's test: a residual's variance is the reference's less the solution's, plus what comes from unknowns that are not
-    estimated.
+    """Baarda's test: a residual's variance is the reference's less the solution's, plus what comes from unknowns that
+    are not estimated.
 
-    The residual is only a share of the deviation of the rest, for the solution follows the reference. Where the rest hardly
-    determines the quantity, it cannot be tested.
+    The residual is only a share of the deviation of the rest, for the solution follows the reference. Where the rest
+    hardly determines the quantity, it cannot be tested.
     """
     use = solved.use
     share = max(1.0 - solved.estimated(covariance) / use.sigma**2, LEAST_SPARE)

@@ -8,7 +8,8 @@ from savmap.graph.problem import Problem
 from savmap.types import Floats
 
 SOFT_M, SOFT_PART = 0.1, 0.02
-"""Far more than pictures leave open of a row's shape, and little enough to keep its scale and place near what is given."""
+"""Far more than pictures leave open of a row's shape, and little enough to keep its scale and place near what is given.
+"""
 AWAY = 3.0
 HELD_PART = 1e-3
 """How firmly a scene with soft references keeps its scale: no error of what is known in metres bends it by as much."""
@@ -27,7 +28,8 @@ def holding_scale(problem: Problem, cameras: Floats, points: Floats) -> Problem:
 
 
 def softened(problem: Problem, misfits: Mapping[str, float]) -> Problem:
-    """The problem with references that give scale and place, but no more. `misfits`: by how much each is off a first fit to all, m."""
+    """The problem with references that give scale and place, but no more. `misfits`: by how much each is off a first
+    fit to all, m."""
     sizes = {item.name: SOFT_M for item in problem.camera.references.camera_heights}
     for item in problem.relations:
         if item.name:
