@@ -41,7 +41,7 @@ class Sides:
         return np.abs(self.slopes)
 
     def outward(self, sizes: Floats, thickness_m: float) -> Floats:
-        """The offset (2,) m, along x and z, of the sides' middle from that of a lamp, by its sizes (2,) m and thickness."""
+        """The offset (2,) m, along x and z, of the sides' middle from a lamp's, by its sizes (2,) m and thickness."""
         most = sizes / (2 * self.above_m)
         return np.asarray(thickness_m / 2 * np.clip(self.slopes, -most, most))
 
