@@ -53,8 +53,7 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
     "inconsistent-element": WarningKind(
         "measurements of an element do not agree",
         "look whether it is one element",
-        "odd and even frames, solved apart, put it in different places, and what is around not; or most of "
-        "its measurements were rejected and are over 1 cm off; or half of them are over 2 cm off, and four "
+        "most of its measurements were rejected and are over 1 cm off; or half of them are over 2 cm off, and four "
         "times what is usual",
         of_elements=True,
     ),
@@ -62,7 +61,7 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
         "an element's place is not known well",
         "look where it is",
         "a coordinate has a standard deviation of more than 3 cm, and three times what is usual, for hardly a frame "
-        "shows an edge or an end; or odd and even frames put all that is around more than 6 cm apart",
+        "shows an edge or an end",
         of_elements=True,
     ),
     "incomplete-map": WarningKind(

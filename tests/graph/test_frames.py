@@ -10,7 +10,6 @@ from savmap.geometry.pinhole import project
 from savmap.graph import KnownLength, Problem, fixed_coordinate, solve
 from savmap.graph.initial.linear import linear_positions
 from savmap.graph.problem import first_poses
-from savmap.graph.solver.checks import odd_frames
 from savmap.graph.solver.optimise import frames_astray, without_frames
 from savmap.types import Floats, Ints, Track
 
@@ -101,13 +100,3 @@ def test_a_frame_solved_far_away_is_left_out_and_told() -> None:
     assert solution.trajectory.frames.tolist() == list(range(LAST))
     assert any(warning.startswith(f"frame {LAST} is left out") for warning in solution.notes)
     assert solve(problem()).trajectory.frames.tolist() == list(range(made.FRAMES))
-
-
-@pytest.mark.parametrize("every", [1, 2, 4])
-def test_each_view_has_frames_in_either_half(every: int) -> None:
-    used = np.arange(3, 203)
-    odd = odd_frames(used, every)
-    for view_every in (1, every):
-        assert abs(odd[used % view_every == 0].mean() - 0.5) < 0.03
-    assert (np.diff(odd[used % every == 0].astype(int)) != 0).all()
-    assert odd_frames(np.array([0, 2, 4, 8, 10]), 1).tolist() == [False, True, False, True, False]

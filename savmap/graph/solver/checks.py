@@ -1,8 +1,4 @@
-"""Checks of a solved row at its optimum: how its landmarks repeat, and what is wrong with its panoramas.
-
-Repeatability: the landmarks by either half of the frames, every other one, of every view. The halves share references,
-first attitudes and the choice of measurements, but no picture: where they differ by more than their uncertainty,
-measurements of one thing were taken for another's, or the uncertainty is wrong.
+"""Checks of a solved row at its optimum: what is wrong with its panoramas.
 
 Panoramas that were cropped above and below and stretched to 2:1 again, or bent at their seam by lenses that stand
 apart: poses and structures absorb most of it, so that residuals stay small. Unknowns of the camera beside the row's say
@@ -25,71 +21,21 @@ from savmap.graph.calibration import (
     largest_displacement,
     total_baseline,
 )
-from savmap.graph.factors.problem_factors import estimate_of, values_of, whole_graph
-from savmap.graph.problem import Estimate, Problem
-from savmap.graph.solver.levenberg_marquardt import ROUGH, minimum
+from savmap.graph.problem import Problem
 from savmap.graph.solver.optimise import Iterate, SolveOptions, estimated_biases, refined, stepped
-from savmap.graph.solver.solution import HalfDifference, LensDistanceError, Solution, VerticalScaleError
-from savmap.types import Bools, Floats, Ints
+from savmap.graph.solver.solution import LensDistanceError, Solution, VerticalScaleError
+from savmap.types import Floats
 
-LEAST_FRAMES, LEAST_SEEN = 12, 4
 LIKELY = 3.0
 """Standard deviations from 0 from which on a step's figure is not good enough to be told."""
 
 
 def checked(solution: Solution, iterate: Iterate) -> Solution:
-    """A row's solution with how its landmarks repeat in either half of the frames, and what is wrong with its
-    panoramas, at the optimum that the row has by itself. Raises SolveError where a half cannot be solved."""
-    halves = half_differences(iterate.problem, iterate.estimate, iterate.fit.kept, iterate.inflation, iterate.huber)
+    """A row's solution with what is wrong with its panoramas, at the optimum that the row has by itself."""
     vertical, lenses = _panorama_errors(iterate)
     entries = {name: value for error in (vertical, lenses) if error for name, value in error.report.items()}
     report = {**solution.report, **entries}
-    return replace(solution, halves=halves, vertical_scale=vertical, lens_distance=lenses, report=report)
-
-
-def half_differences(
-    problem: Problem, estimate: Estimate, kept: Bools, inflation: Floats, huber: Floats
-) -> tuple[HalfDifference, ...]:
-    """Of the landmarks that were seen in `LEAST_SEEN` frames of either half; none where there are few frames or the
-    camera's path is given.
-
-    From the optimum `estimate` of all measurements that are `kept` (n,), whose variances are `inflation` (n,) times as
-    large as given, with Huber's loss `huber` (n,). Raises SolveError where a half cannot be solved.
-    """
-    if problem.camera.fixed is not None or len(problem.used) < LEAST_FRAMES:
-        return ()
-    views = problem.measurements.views
-    sparsest = max(views[index].every for index in np.unique(problem.measurements.view).tolist())
-    odd = odd_frames(problem.used, sparsest)[problem.at_frame]
-    halves = [kept & odd, kept & ~odd]
-    points = [_points(problem, estimate, half, inflation, huber) for half in halves]
-    often = np.logical_and(*(_frames_seen(problem, half) >= LEAST_SEEN for half in halves))
-    return tuple(
-        HalfDifference(*problem.name_of(int(problem.keys[index])), points[0][index] - points[1][index])
-        for index in np.flatnonzero(often)
-    )
-
-
-def odd_frames(used: Ints, every: int) -> Bools:
-    """Which of the frames (f,) are of the second half: every other one of the view that is rendered from multiples of
-    `every` only, with the frames up to its next. A frame is in one half with all its views."""
-    _, number = np.unique(used // every, return_inverse=True)
-    return np.asarray(number % 2 == 1)
-
-
-def _points(problem: Problem, estimate: Estimate, chosen: Bools, inflation: Floats, huber: Floats) -> Floats:
-    """The landmarks (m, 3) by some of the measurements. Frames without any stay near their neighbours."""
-    measurements = problem.measurements.inflated(inflation).take(chosen)
-    graph = whole_graph(problem, estimate, measurements, huber[chosen])
-    row = f"row {problem.camera.facts.name}"
-    values = minimum(row, graph, values_of(problem, estimate), change=ROUGH)
-    return estimate_of(problem, values, estimate).points
-
-
-def _frames_seen(problem: Problem, chosen: Bools) -> Ints:
-    """In how many frames (m,) each landmark was measured."""
-    pairs = np.unique(np.stack([problem.at_key[chosen], problem.at_frame[chosen]]), axis=1)
-    return np.bincount(pairs[0], minlength=len(problem.keys))
+    return replace(solution, vertical_scale=vertical, lens_distance=lenses, report=report)
 
 
 def _panorama_errors(iterate: Iterate) -> tuple[VerticalScaleError | None, LensDistanceError | None]:

@@ -46,15 +46,6 @@ class Landmark:
     offsets: Floats = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass(frozen=True, eq=False)
-class HalfDifference:
-    """A landmark's position by the second, fourth ... frames less that by the first, third ... ones (3,), m."""
-
-    plugin: str
-    name: str
-    difference: Floats
-
-
 @dataclass(frozen=True)
 class RejectedMeasurement:
     """A measurement that did not fit."""
@@ -110,8 +101,7 @@ class Solution:
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the
     plugins' variables by key (see `Constraints`); `variable_covariance` has their covariances. `warnings`: what speaks
-    against it. `unchecked`: errors of references that nothing would notice. `halves`: how the landmarks differ between
-    odd and even frames. `directional`: by plugin, what is off in the same directions of the camera in all frames.
+    against it. `unchecked`: errors of references that nothing would notice. `directional`: by plugin, what is off in the same directions of the camera in all frames.
     `vertical_scale`: by how much elevations are seen too large, and `lens_distance`: how far apart the seam shows the
     lenses; None where no solve told it."""
 
@@ -127,7 +117,6 @@ class Solution:
     variables: Mapping[int, Variable] = field(default_factory=dict)
     warnings: tuple[MapWarning, ...] = ()
     unchecked: tuple[str, ...] = ()
-    halves: tuple[HalfDifference, ...] = ()
     directional: Mapping[str, DirectionalErrors] = field(default_factory=dict)
     vertical_scale: VerticalScaleError | None = None
     lens_distance: LensDistanceError | None = None

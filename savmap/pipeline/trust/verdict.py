@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from savmap.graph import Landmark, Solution
-from savmap.graph.solver.solution import HalfDifference
 from savmap.pipeline.records import DescribedRow
 from savmap.pipeline.trust.support import Support, is_of, supports
 from savmap.plugin.manager import LoadedPlugin
-from savmap.types import Bools, Floats, FoundObject, MapWarning, Structure, Verdict
+from savmap.types import Floats, FoundObject, MapWarning, Structure, Verdict
 from savmap.video.course import ASTRAY_DEG, TURNED_DEG
 from savmap.video.motion import wrapped
 from savmap.vision.views import LEGIBLE
@@ -18,12 +17,6 @@ from savmap.vision.views import LEGIBLE
 SURE = 0.01
 """An element exists, or does not, where its probability is so near to 1 or 0."""
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
-DISAGREE_SIGMA, DISAGREE_M, HALVES = 4.0, 0.005, 2.0
-AROUND, ROUNDS, LEAST_M, SLOPE_M2, TINY = 12, 30, 1e-4, 1e-2, 1e-12
-"""So many landmarks around one tell by how much all there differ; those within a decimetre tell no slope."""
-OUTLIER, OUTLIER_M, TO_SIGMA, LEAST_USUAL = 5.0, 0.02, 1.48, 0.05
-UNKNOWN_M = 0.05
-"""A coordinate with a larger standard deviation was not measured: the height of a line that stands upright."""
 VAGUE_M, VAGUE = 0.03, 3.0
 """A place is not known well where a coordinate's standard deviation is larger than `VAGUE_M`, and than `VAGUE` times
 that of most of its label: along a row that one camera height measures, all are known less well, and the references say
@@ -59,10 +52,9 @@ def judge(row: DescribedRow) -> tuple[Mapping[str, tuple[Structure, ...]], Verdi
         structures = row.structures.get(plugin.name, ())
         support = supports(structures, row.tracks.get(plugin.name, ()), row.solution.trajectory, row.measurements.facts)
         mapped[plugin.name] = tuple(_with_support(structure, support[structure.id]) for structure in structures)
-        solution = row.solution, plugin.name
         warnings += _unmapped(row, plugin)
         of_elements += [*plugin.warnings(structures), *_uncertain(structures, support), *_inaccurate(structures)]
-        of_elements += [*_unrepeatable(structures, *solution), *_contradicted(structures, *solution)]
+        of_elements += _contradicted(structures, row.solution, plugin.name)
     warnings += [warning for warning in of_elements if not _is_beyond(warning, row)]
     notes = (*row.solution.unchecked, *row.notes)
     return mapped, Verdict(tuple(dict.fromkeys(warnings)), tuple(dict.fromkeys(notes)))
@@ -225,83 +217,6 @@ def _no_panorama(row: DescribedRow) -> Iterator[MapWarning]:
         names = " and ".join(sorted(off))
         line = f"what was measured of {names} is off in the same directions of the camera in all frames"
         yield MapWarning("bad-panorama", figure=f"up to {max(off.values()):.2f} degrees off", details=(line,))
-
-
-def _unrepeatable(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[MapWarning]:
-    """A warning about each structure with a landmark that odd and even frames put in different places, beside what they
-    do to those around it: by more than its uncertainty, or by far more than the plugin's other landmarks, for an
-    uncertainty that all of them share hides what one of them has. Where all around differ alike, the path of either
-    half drifts: the place is known to half of that."""
-    halves = [half for half in solution.halves if half.plugin == plugin]
-    if not halves:
-        return
-    landmarks = solution.landmarks_of(plugin)
-    parts_of = {
-        structure.id: [k for k, half in enumerate(halves) if is_of(half.name, structure.id)] for structure in structures
-    }
-    differences = np.array([half.difference for half in halves])
-    sigmas = np.sqrt([np.diag(landmarks[half.name].covariance) for half in halves])
-    measured = np.asarray(sigmas < UNKNOWN_M)
-    x = np.array([landmarks[half.name].position[0] for half in halves])
-    drift = _drift(differences, measured, x, parts_of)
-    distances = np.abs(differences - drift)
-    strict = np.where(distances > DISAGREE_M, distances / (DISAGREE_SIGMA * HALVES * sigmas), 0.0)
-    usual = np.where(distances > OUTLIER_M, distances / (_usual_limit(distances / sigmas) * sigmas), 0.0)
-    excess = np.where(measured, np.maximum(strict, usual), 0.0)
-    drift_m = np.where(measured, np.abs(drift), 0.0)
-    for structure in structures:
-        parts = parts_of[structure.id]
-        if (worst := _worst(excess, parts)) is not None:
-            said = _halves_apart(halves, worst, float(distances[worst]))
-            yield MapWarning("inconsistent-element", (structure.id,), said[0], place_of(structure), None, *said[1:])
-        elif (worst := _worst(drift_m / (HALVES * VAGUE_M), parts)) is not None:
-            said = _halves_apart(halves, worst, float(drift_m[worst]))
-            yield MapWarning("inaccurate-element", (structure.id,), said[0], place_of(structure), None, *said[1:])
-
-
-def _worst(badness: Floats, parts: Sequence[int]) -> tuple[int, int] | None:
-    """Which of a structure's landmarks (n, 3) is worst, and along which axis, where that is above 1."""
-    if not parts or badness[parts].max() <= 1:
-        return None
-    part, axis = np.unravel_index(int(badness[parts].argmax()), (len(parts), 3))
-    return parts[int(part)], int(axis)
-
-
-def _halves_apart(
-    halves: Sequence[HalfDifference], worst: tuple[int, int], distance_m: float
-) -> tuple[str, tuple[str, ...], float]:
-    """Figure, details and size of a warning about what odd and even frames put apart."""
-    details = (f"odd and even frames put {halves[worst[0]].name} apart along {AXES[worst[1]]}",)
-    return f"{100 * distance_m:.1f} cm apart", details, distance_m
-
-
-def _drift(differences: Floats, measured: Bools, x: Floats, parts_of: Mapping[str, Sequence[int]]) -> Floats:
-    """What the differences (n, 3) of landmarks at x (n,) have in common with those of other structures nearby: a line
-    along x through the nearest ones, as far as they were `measured` (n, 3), by least absolute deviations."""
-    owner = np.full(len(x), -1)
-    for number, parts in enumerate(parts_of.values()):
-        owner[list(parts)] = number
-    away = np.where(owner[:, None] == owner, np.inf, np.abs(x[:, None] - x))
-    nearest = np.argsort(away, axis=1, kind="stable")[:, :AROUND]
-    if np.isinf(np.take_along_axis(away, nearest, axis=1)).any() or nearest.shape[1] < AROUND:
-        return np.zeros_like(differences)
-    along, gaps = (x[nearest] - x[:, None])[..., None], differences[nearest]
-    weights = counted = np.take(measured, nearest, axis=0).astype(np.float64)
-    for _ in range(ROUNDS):
-        total, first, second = weights.sum(axis=1), (weights * along).sum(axis=1), (weights * along**2).sum(axis=1)
-        mean, product = (weights * gaps).sum(axis=1), (weights * along * gaps).sum(axis=1)
-        steep = second + SLOPE_M2 * total
-        here = (steep * mean - first * product) / np.maximum(steep * total - first**2, TINY)
-        slope = (product - first * here) / np.maximum(steep, TINY)
-        residuals = gaps - here[:, None] - slope[:, None] * along
-        weights = counted / np.maximum(np.abs(residuals), LEAST_M)
-    return np.asarray(here)
-
-
-def _usual_limit(ratios: Floats) -> Floats:
-    """The largest ratio (3,) of difference to standard deviation, axis by axis, that is no outlier among those of all
-    landmarks (n, 3)."""
-    return np.asarray(OUTLIER * np.maximum(TO_SIGMA * np.median(ratios, axis=0), LEAST_USUAL))
 
 
 def _contradicted(structures: Sequence[Structure], solution: Solution, plugin: str) -> Iterator[MapWarning]:
