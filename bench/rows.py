@@ -246,8 +246,8 @@ def totals(results: Sequence[Mapping[str, Any]]) -> Figures:
         total |= {"mean cm": float(np.mean(errors)), "largest cm": max(errors)}
     if lamps:
         total["lamps cm"] = 100 * float(np.mean(lamps))
-    for code in sorted({code for figures in scored if is_good(figures) for code in figures["codes"]}):
-        total[f"good, {code}"] = sum(is_good(figures) and code in figures["codes"] for figures in scored)
+    for code in sorted({code for figures in scored if is_good(figures) for code in figures.get("codes", ())}):
+        total[f"good, {code}"] = sum(is_good(figures) and code in figures.get("codes", ()) for figures in scored)
     total["seconds a row"] = float(np.mean([figures["seconds"] for figures in results]))
     return {**reliability([pair for figures in results for pair in figures.get("objects", ())]), "total": total}
 

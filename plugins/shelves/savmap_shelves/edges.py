@@ -137,10 +137,11 @@ def _members(
     inside = np.repeat([1.0, -1.0], len(objects))
     flank = np.maximum(inside * obliquely, 0.0)
     spans = first[both], last[both], inside[both], thickness[both], flank[both]
-    edges = Edges(lines[both], *spans, stands=stands, patterned=stands, wanted=wanted[both])
     kept = [item for item, is_shown in zip(objects, shown.tolist(), strict=True) if is_shown]
-    scored = (np.abs(inwards.T.ravel()) < BAND) & wanted & stands
-    return Members(kept, edges, score_of[shown], scored[both])
+    beyond = np.where(np.abs(inwards.T.ravel()) < BAND, 0.0, BAND * thickness)
+    lines = replace(lines, offset_var=np.square(beyond))
+    edges = Edges(lines[both], *spans, stands=stands, patterned=stands, wanted=wanted[both])
+    return Members(kept, edges, score_of[shown], (wanted & stands)[both])
 
 
 def _projected(points: Floats, spec: ViewSpec, camera: tuple[Floats, Floats], stands: bool) -> tuple[Floats, Bools]:

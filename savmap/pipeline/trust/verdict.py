@@ -83,6 +83,7 @@ def _is_refuted(warning: MapWarning, row: DescribedRow) -> bool:
 def _ends(row: DescribedRow) -> tuple[float, float]:
     """Where the row begins and ends along x: the face, which the locators find; without one it has no end."""
     face = [part.vertices[:, 0] for name in row.measurements.locators for part in row.structures.get(name, ())]
+    face += [item.outline[:, 0] for item in row.uncertain if item.is_mapped]
     x = np.concatenate(face) if face else np.array([-np.inf, np.inf])
     return float(x.min()), float(x.max())
 
