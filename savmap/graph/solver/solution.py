@@ -101,8 +101,8 @@ class Solution:
 
     `deviations`: by how many standard deviations each reference, by name, deviates from the rest. `variables`: the
     plugins' variables by key (see `Constraints`); `variable_covariance` has their covariances. `warnings`: what speaks
-    against it. `unchecked`: errors of references that nothing would notice. `directional`: by plugin, what is off in the
-    same directions of the camera in all frames.
+    against it. `unchecked`: errors of references that nothing would notice. `directional`: by plugin, what is off in
+    the same directions of the camera in all frames.
     `vertical_scale`: by how much elevations are seen too large, and `lens_distance`: how far apart the seam shows the
     lenses; None where no solve told it."""
 
