@@ -2,9 +2,9 @@
 places.
 
 The drive's path is roughly the camera's before the face, so that the networks' scores of all frames add up on the
-planes that structures lie in. A plugin finds its objects there, each with the probability that it exists. Their edges
-are then measured in the strips that the drive kept of the frames, and the path is solved; a second round finds and
-measures with that path.
+planes that structures lie in. A plugin finds its objects there, each with the probability that it exists, and measures
+their edges along their outlines, in the strips that the drive kept of the frames; the path is solved by these. A second
+round does the same with that path.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -85,13 +85,7 @@ class Finder:
         measurements, path = asked.measurements, asked.path or self._first_path()
         points: Mapping[str, Floats] = {}
         for _ in range(ROUNDS):
-            measured = self._measured(measurements, path, points)
-            try:
-                located = located_by(self.plugin, self.walked.request, measured, path)
-            except (SolveError, SiteError) as error:
-                raise StructureError(f"row {self.facts.name}: what is found cannot be solved: {error}") from error
-            measurements, points = measured, located.points[self.plugin.name]
-            path = continued(located.path, self.facts.frames)
+            measurements, path, points = self.round(measurements, path, points)
         depths = tuple(self._depths(path, points)) if self.plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths))
         if not measurements.floor.tracks and (floor := self._floor(path, np.array([*points.values()]))) is not None:
@@ -99,6 +93,18 @@ class Finder:
             tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
             measurements = replace(measurements, floor=tracks)
         return Asked(path, replace(measurements, path=path))
+
+    def round(
+        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats]
+    ) -> tuple[RowMeasurements, Trajectory, Mapping[str, Floats]]:
+        """Gather, find, measure edges along outlines, track, constrain, solve up to scale: what was measured from a
+        path, and the path and the landmarks by it."""
+        measured = self._measured(measurements, path, points)
+        try:
+            located = located_by(self.plugin, self.walked.request, measured, path)
+        except (SolveError, SiteError) as error:
+            raise StructureError(f"row {self.facts.name}: what is found cannot be solved: {error}") from error
+        return measured, continued(located.path, self.facts.frames), located.points[self.plugin.name]
 
     def seen_from_path(self, asked: Asked, monitor: Monitor) -> Asked:
         """With the objects of a plugin that needs to be told where the camera was."""
