@@ -138,7 +138,7 @@ def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], est
     suspects = _suspects(agreed, explained, clear)
     lines = [f"{_line(problem, agreed, *suspect)}{_in_unit(agreed, *suspect)}" for suspect in suspects]
     if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
-        mistaken = frozenset[str]() if wanted == "refuse" else _mistaken(problem, agreed)
+        mistaken = frozenset[str]() if wanted == "refuse" else _mistaken(problem, agreed, explained)
         if not mistaken:
             raise contradiction(problem, "; or ".join(lines[:NAMED]))
         return _left_out(problem, estimate, agreed, mistaken, wanted == "check")
@@ -147,12 +147,15 @@ def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], est
     return _uncertain(problem, agreed, suspects, lines)
 
 
-def _mistaken(problem: Problem, agreed: Agreement) -> Names:
+def _mistaken(problem: Problem, agreed: Agreement, explained: Sequence[Names]) -> Names:
     """References to parts that may have been taken for others, as many as must be left out, the one that deviates most
     first, for the rest to agree and to check itself; or all of them, where others agree and tell what they would have;
-    none where that is not so. A part that was taken for another says nothing against a row."""
+    none where that is not so, or where others alone explain it. A part that was taken for another says nothing against
+    a row."""
     names = {relation.name for relation in problem.relations if relation.note_if_outlier}
     parts, out = names.intersection(agreed.all_names), frozenset[str]()
+    if explained and not any(suspects <= parts for suspects in explained):
+        return out
     while not agreed.agrees(out) and parts - out and len(agreed.all_names) - len(out) > LEAST_CHECKED:
         deviations = agreed.deviations(out)
         out |= {max(parts - out, key=lambda name: deviations[name])}
