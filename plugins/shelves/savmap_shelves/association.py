@@ -23,12 +23,17 @@ def track_structures(features: Sequence[Feature], facts: RowFacts) -> list[Track
     for feature in features:
         for name, number in _parts(feature):
             points[name].append((feature, number))
-    tracks = [_track(name, seen) for name, seen in sorted(points.items())]
+    tracks = [_track(name, _measured(seen)) for name, seen in sorted(points.items())]
     if not any(track.label == "beam" and not track.name.startswith(PARTS_OF) for track in tracks):
         raise StructureError(
             f"row {facts.name}: no beam that meets an upright was measured in any of {len(facts.frames)} frames"
         )
     return tracks
+
+
+def _measured(points: Sequence[Point]) -> Sequence[Point]:
+    """Those that were measured, or all where none was: edges without a score are guessed."""
+    return [point for point in points if point[0].score > 0] or points
 
 
 def _parts(feature: Feature) -> list[tuple[str, int]]:

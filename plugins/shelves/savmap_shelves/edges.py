@@ -46,12 +46,13 @@ could be measured."""
 class Members:
     """What a view shows of g members of one class: edges as lines v(u), those at smaller v first, with u along members:
     rows of uprights, columns of beams. `scored` (2 g,): edges that count where scores have them if the panorama
-    does not show them."""
+    does not show them, and `guessed` (2 g,) those of which scores say only that they are not at the outline."""
 
     objects: Sequence[FoundObject]
     edges: Edges
     scores: Floats
     scored: Bools
+    guessed: Bools
 
     @property
     def label(self) -> str:
@@ -65,18 +66,20 @@ class Members:
         off = np.abs(lines.at(middle) - self.edges.lines.at(middle))
         spacing = np.abs(lines.at(middle)[:count] - lines.at(middle)[count:])
         same = (spacing < SAME * self.edges.thickness[:count]) & seen[:count] & seen[count:]
+        guessed = self.guessed & ~seen
         seen = seen | self.scored
         farther = np.concatenate([same & (off[:count] > off[count:]), same & (off[:count] <= off[count:])])
-        return MeasuredMembers(self, lines, seen & ~farther)
+        return MeasuredMembers(self, lines, seen & ~farther, guessed)
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMembers:
-    """Members with their edges' `lines` (2 g,) and which of them were measured (2 g,)."""
+    """Members with their edges' `lines` (2 g,), which of them were measured (2 g,), and which only guessed."""
 
     members: Members
     lines: Lines
     seen: Bools
+    guessed: Bools
 
 
 def measure(
@@ -94,7 +97,7 @@ def measure(
     Per upright: edges "left" and "right", extended to the view's borders, top end first, and a point "foot" where it
     ends inside the view. Per beam: edges "upper" and "lower", left end first, and corners "upper left" ... with the
     uprights that it ends at. If asked for, `parts` of each edge by themselves: points "left part", "upper part" ...
-    Covariances px^2.
+    Covariances px^2. An edge with a score of 0 is guessed, and counts only where nothing else was measured of it.
     """
     camera = world_from_rig[:3, 3], world_from_rig[:3, :3] @ spec.rig_from_view
     both = [
@@ -138,10 +141,10 @@ def _members(
     flank = np.maximum(inside * obliquely, 0.0)
     spans = first[both], last[both], inside[both], thickness[both], flank[both]
     kept = [item for item, is_shown in zip(objects, shown.tolist(), strict=True) if is_shown]
-    beyond = np.where(np.abs(inwards.T.ravel()) < BAND, 0.0, BAND * thickness)
-    lines = replace(lines, offset_var=np.square(beyond))
+    guessed = np.abs(inwards.T.ravel()) >= BAND
+    lines = replace(lines, offset_var=np.where(guessed, np.square(BAND * thickness), 0.0))
     edges = Edges(lines[both], *spans, stands=stands, patterned=stands, wanted=wanted[both])
-    return Members(kept, edges, score_of[shown], (wanted & stands)[both])
+    return Members(kept, edges, score_of[shown], (wanted & stands)[both], guessed[both])
 
 
 def _projected(points: Floats, spec: ViewSpec, camera: tuple[Floats, Floats], stands: bool) -> tuple[Floats, Bools]:
@@ -240,8 +243,9 @@ class ViewFeatures:
             pixels, covariances = pixels[..., ::-1], covariances[..., ::-1, ::-1]
         for index in np.flatnonzero(shown.seen).tolist():
             number, score = index % count, float(shown.members.scores[index % count])
+            score, known_axis = (0.0, None) if shown.guessed[index] else (score, axis)
             item, part = shown.members.objects[number], SIDES[shown.members.label][index // count]
-            yield self.feature(item, part, pixels[index], covariances[index], axis, score)
+            yield self.feature(item, part, pixels[index], covariances[index], known_axis, score)
 
     def feet(self, shown: MeasuredMembers, camera: tuple[Floats, Floats]) -> Iterator[Feature]:
         """Where uprights end, inside the view."""

@@ -178,9 +178,8 @@ def _measured(edges: Sequence[ObservedEdge], label: str, sigma_px: float) -> Mea
     nothing = np.zeros(len(lines))
     spans = Edges(lines, lines.first, lines.last, nothing, nothing, nothing, stands)
     shown = [FoundObject(objects[number], label, np.zeros((4, 3)), 1.0) for number in sorted(longest.values())]
-    return MeasuredMembers(
-        Members(shown, spans, np.ones(len(shown)), np.zeros(len(lines), np.bool_)), lines, np.ones(len(lines), np.bool_)
-    )
+    none = np.zeros(len(lines), np.bool_)
+    return MeasuredMembers(Members(shown, spans, np.ones(len(shown)), none, none), lines, ~none, none)
 
 
 def _lines(ends: Floats, sigma_px: float) -> Lines:
