@@ -40,8 +40,6 @@ from savmap.vision.evidence import (
 )
 from savmap.vision.strips import PanoramaStrip
 
-ROUNDS = 2
-"""Of finding and measuring, each with the path that the one before it gave."""
 UPRIGHT = 0.99
 """The least y of the up direction of an upright plane."""
 REACH = 3.0
@@ -84,22 +82,23 @@ class Finder:
         lie: in two rounds, of which the second finds and measures with the path that the first one gave."""
         measurements, path = asked.measurements, asked.path or self._first_path()
         points: Mapping[str, Floats] = {}
-        for _ in range(ROUNDS):
-            measurements, path, points = self.round(measurements, path, points)
+        for last in (False, True):
+            measurements, path, points = self.round(measurements, path, points, last)
         depths = tuple(self._depths(path, points)) if self.plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths))
-        if not measurements.floor.tracks and (floor := self._floor(path, np.array([*points.values()]))) is not None:
+        floor_seen = self._floor_share is not None and not measurements.floor.tracks
+        if floor_seen and (floor := self._floor(path, np.array([*points.values()]))) is not None:
             walked, face = self.walked, self._faces[-1]
             tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
             measurements = replace(measurements, floor=tracks)
         return Asked(path, replace(measurements, path=path))
 
     def round(
-        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats]
+        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], last: bool
     ) -> tuple[RowMeasurements, Trajectory, Mapping[str, Floats]]:
         """Gather, find, measure edges along outlines, track, constrain, solve up to scale: what was measured from a
-        path, and the path and the landmarks by it."""
-        measured = self._measured(measurements, path, points)
+        path, and the path and the landmarks by it. The floor is looked for in the last round, whose path is exact."""
+        measured = self._measured(measurements, path, points, last)
         try:
             located = located_by(self.plugin, self.walked.request, measured, path)
         except (SolveError, SiteError) as error:
@@ -111,7 +110,7 @@ class Finder:
         if asked.path is None:
             return asked
         try:
-            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}))
+            return Asked(asked.path, self._measured(asked.measurements, asked.path, {}, True))
         except StructureError as error:
             monitor.note(str(error))
             return Asked(asked.path, self._with(asked.measurements, [], []))
@@ -138,9 +137,10 @@ class Finder:
         return self.plugin.find(lambda patch: self._gather(path, patch), path, {}, self.facts, None)
 
     def _measured(
-        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats]
+        self, measurements: RowMeasurements, path: Trajectory, points: Mapping[str, Floats], on_floor: bool
     ) -> RowMeasurements:
-        """With what is found from a path, and features of it in all frames."""
+        """With what is found from a path, above the floor if that is to be looked for, and features of it in all
+        frames."""
         gathered: dict[tuple[bytes, bytes, float], PlaneEvidence] = {}
 
         def evidence(patch: PlanePatch) -> PlaneEvidence:
@@ -152,7 +152,7 @@ class Finder:
         objects = self.plugin.find(evidence, path, points, self.facts, None)
         mapped = [item for item in objects if item.is_mapped]
         outlines = [np.zeros((0, 3)), *(item.outline for item in mapped)]
-        floor = self._floor(path, np.concatenate(outlines))
+        floor = self._floor(path, np.concatenate(outlines)) if on_floor else None
         if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
             objects = self.plugin.find(evidence, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]

@@ -233,7 +233,7 @@ def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     monkeypatch.setattr(finding, "floor_tracks", lambda *_: FloorTracks())
     asked = Asked(lambda floor: [light(1, -0.8), light(2, 0.8)] if floor is None else [light(2, 0.8)])
     measured = find_structures(walked(asked.plugin), NoteCollector()).measurements
-    assert asked.floors == ([None, y] * 2 if again else [None, None])
+    assert asked.floors == ([None, None, y] if again else [None, None])
     assert len(measured.objects["one"]) == 2 - again
 
 
