@@ -30,6 +30,8 @@ LEAST_SHOWN = 0.01
 UNEVEN, SHOWN, HIGH = 0.12, 0.4, 0.6
 """Members are as wide as usual to such a share; quantiles of their scores along them, above which they show, and that
 tells their borders."""
+END_CELLS = 4
+"""Around the row in which posts begin to show."""
 POSSIBLE = 0.01
 """What is less likely is absent."""
 
@@ -121,7 +123,7 @@ class FaceReader:
                 for places, section in zip(levels, sections, strict=True)
             ),
             tuple(tuple(_possible(section, first, cell)) for section in sections),
-            bottom * cell,
+            cell * lower_end(self.means(self.uprights, "upright"), posts, bottom),
             top * cell,
         )
 
@@ -290,6 +292,19 @@ def extent(ratios: Floats, posts: Intervals) -> tuple[int, int]:
     summed = np.concatenate([[0.0], np.cumsum(np.clip(along, -2, 2))])
     last = int((summed - np.minimum.accumulate(summed)).argmax())
     return int(summed[: last + 1].argmin()), last
+
+
+def lower_end(scores: Floats, posts: Intervals, bottom: int) -> float:
+    """Where posts end below, in cells, near the first row in which they show: where the median over them of the mean
+    scores (rows, columns) across each falls to half of what it is above."""
+    along = np.median([scores[:, low:high].mean(axis=1) for low, high in posts.cells.tolist()], axis=0)
+    first, last = max(bottom - END_CELLS, 0), min(bottom + 2 * END_CELLS, len(along))
+    part = along[first:last]
+    below = np.flatnonzero(part < np.max(part, initial=0.0) / 2)
+    if not len(below) or below[-1] + 1 >= len(part):
+        return float(bottom)
+    before, after = part[below[-1] : below[-1] + 2].tolist()
+    return float(first + below[-1] + 0.5 + (np.max(part) / 2 - before) / (after - before))
 
 
 def usual_width(sections: Sequence[Intervals]) -> float | None:
