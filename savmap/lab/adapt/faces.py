@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from savmap.geometry import pinhole
+from savmap.lab.sim.paint.raster import beyond
 from savmap.types import Bools, Floats, Ints, PlaneEvidence, PlanePatch, Structure, ViewSpec, array_record
 
 TOLERANCE_M = 0.12
@@ -253,11 +254,5 @@ def outline_in(view: ViewSpec, world_from_rig: Floats, outline: Floats) -> Float
     """The outline (m, 2) px in a view of an outline (n, 3) in the row's frame: the part in front of the camera. None
     where all is behind it."""
     points = (outline - world_from_rig[:3, 3]) @ (world_from_rig[:3, :3] @ view.rig_from_view)
-    near = NEAR * float(np.abs(points).max())
-    kept: list[Floats] = []
-    for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
-        if first[2] >= near:
-            kept.append(first)
-        if (first[2] >= near) != (second[2] >= near):
-            kept.append(first + (near - first[2]) / (second[2] - first[2]) * (second - first))
-    return pinhole.project(np.array(kept), view.camera) if len(kept) >= 3 else None
+    kept = beyond(points, NEAR * float(np.abs(points).max()))
+    return pinhole.project(kept, view.camera) if len(kept) >= 3 else None

@@ -24,15 +24,11 @@ def with_likes(last: Singles, lit: Sequence[Body], compact: Sequence[Compact]) -
     whole = [body for body in lit if body.ends[0] is not None and body.ends[1] is not None]
     areas = [length_of(body) * body.width for body in whole] + [float(np.prod(lamp.sizes)) for lamp in compact]
     bodies = list(lit)
-    for lamp_known, area in zip(whole, areas, strict=False):
+    for strip, area in zip(whole, areas, strict=False):
         if area < SLIVER * max(areas):
             continue
-        for ends in alikes(
-            last, lamp_known.reach.mean(axis=0), lamp_known.axis, length_of(lamp_known), lamp_known.width
-        ):
-            body = replace(
-                lamp_known, instance=FIRST_FAINT + len(bodies), ends=(ends[0], ends[1]), covered=(), reach=ends
-            )
+        for ends in ends_alike(last, strip.reach.mean(axis=0), strip.axis, length_of(strip), strip.width):
+            body = replace(strip, instance=FIRST_FAINT + len(bodies), ends=(ends[0], ends[1]), covered=(), reach=ends)
             if not any(overlap(body, other) for other in bodies):
                 bodies.append(body)
     return bodies
@@ -42,12 +38,12 @@ def compact_likes(last: Singles, lamp: Compact) -> list[Compact]:
     """Compact lamps that look like one, on lines with it along the view's axes."""
     alike = []
     for number, axis in enumerate(VIEW_AXES):
-        for ends in alikes(last, lamp.middle, axis, lamp.sizes[number], lamp.sizes[1 - number]):
+        for ends in ends_alike(last, lamp.middle, axis, lamp.sizes[number], lamp.sizes[1 - number]):
             alike.append(replace(lamp, middle=ends.mean(axis=0), covered=False))
     return alike
 
 
-def alikes(last: Singles, middle: Floats, axis: Floats, length: float, width: float) -> list[Floats]:
+def ends_alike(last: Singles, middle: Floats, axis: Floats, length: float, width: float) -> list[Floats]:
     """Both ends (2, 2) px of what looks like a lamp of this length and width, px, on a line with it: brighter than what
     is beyond its ends and beside it, by the last levels of the picture."""
     reach = float(np.hypot(*last.shape))

@@ -73,8 +73,8 @@ class Agreement:
         shift = soft @ off
         assumed = _assumed(information, slopes.T @ solved.gauge)
         along = information @ assumed
-        known_parts = information - along @ along.T, shift - along @ (assumed.T @ shift)
-        return cls(names, values, off, sigmas, np.zeros_like(sigmas), slopes, *known_parts)
+        determined_parts = information - along @ along.T, shift - along @ (assumed.T @ shift)
+        return cls(names, values, off, sigmas, np.zeros_like(sigmas), slopes, *determined_parts)
 
     @cached_property
     def all_names(self) -> tuple[str, ...]:

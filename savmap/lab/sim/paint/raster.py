@@ -118,7 +118,7 @@ def outlines_in_view(faces: Faces, camera: Camera, size: tuple[int, int], wanted
             if meets[k]:
                 outlines.append(Outline(int(chosen[k]), points[k, : part.corners[k]], tuple(boxes[k].tolist())))
             continue
-        clipped = _projected(_clipped(view[k, : part.corners[k]]), camera, size)
+        clipped = _projected(beyond(view[k, : part.corners[k]], NEAR_M), camera, size)
         box = _regions(clipped[None], size)[0]
         if np.all(box[2:] > box[:2]):
             rounded = np.round(clipped * (1 << _SHIFT)).astype(np.int32)
@@ -150,14 +150,14 @@ def _view_points(faces: Faces, camera: Camera) -> Floats:
     return view
 
 
-def _clipped(points: Floats) -> Floats:
-    """A convex polygon's part beyond the near plane."""
+def beyond(points: Floats, near: float) -> Floats:
+    """The part (m, 3) of a convex polygon (n, 3) that is at least so far in front of a camera, z."""
     kept: list[Floats] = []
     for here, following in zip(points, np.roll(points, -1, axis=0), strict=True):
-        if here[2] >= NEAR_M:
+        if here[2] >= near:
             kept.append(here)
-        if (here[2] >= NEAR_M) != (following[2] >= NEAR_M):
-            kept.append(here + (NEAR_M - here[2]) / (following[2] - here[2]) * (following - here))
+        if (here[2] >= near) != (following[2] >= near):
+            kept.append(here + (near - here[2]) / (following[2] - here[2]) * (following - here))
     return np.array(kept)
 
 
