@@ -86,8 +86,8 @@ class Finder:
             measurements, path, points = self.round(measurements, path, points, last)
         depths = tuple(self._depths(path, points)) if self.plugin.has("flat_parts") else ()
         measurements = replace(measurements, depths=(*measurements.depths, *depths))
-        floor_seen = self._floor_share is not None and not measurements.floor.tracks
-        if floor_seen and (floor := self._floor(path, np.array([*points.values()]))) is not None:
+        floor = None if measurements.floor.tracks else self._floor(path, np.array([*points.values()]))
+        if floor is not None and not self._is_above_something(floor.y, measurements, points):
             walked, face = self.walked, self._faces[-1]
             tracks = floor_tracks(face, walked.floor, walked.floor_views, path, floor)
             measurements = replace(measurements, floor=tracks)
@@ -181,6 +181,15 @@ class Finder:
         floor = floor_before(face, points, walked.floor, walked.floor_views, path, self._floor_share)
         self._floor_share = floor.share if floor else None
         return floor
+
+    def _is_above_something(self, y: float, measurements: RowMeasurements, points: Mapping[str, Floats]) -> bool:
+        """Whether all landmarks of some mapped object lie below a height: then that is not the floor's."""
+        heights: dict[str, list[float]] = {item.id: [] for item in measurements.objects[self.plugin.name]}
+        for name, point in points.items():
+            for item in heights:
+                if name.startswith(f"{item} / "):
+                    heights[item].append(float(point[1]))
+        return any(max(of_item) < y for of_item in heights.values() if of_item)
 
     def _depths(self, path: Trajectory, points: Mapping[str, Floats]) -> Iterator[FlatDepth]:
         """How deep the plugin's flat parts lie, where the pictures tell."""
