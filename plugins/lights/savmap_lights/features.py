@@ -15,7 +15,7 @@ from savmap_lights.picture.profiles import Singles
 from savmap_lights.picture.seeds import Seed, seeds_of
 from savmap_lights.picture.strips import FIRST_STRIP, VARYING, Body, strips, without_hidden_ends
 
-FIRST_LIKE, FIRST_WHITE = 20_000, 80_000
+FIRST_LIKE = 20_000
 GLARING, OUTLINED, MASKED = 30_000, 55_000, 60_000
 SIGMA_END_PX = 0.5
 SIGMA_CENTRE_PX = 0.5
@@ -23,8 +23,6 @@ FAINT_PX = 1.5
 BY_MASK_PX = 1.2
 SEEN = 255.0
 EVEN = (0.0,)
-WHITE, WHITE_SHARE, WHITE_STEP_PX = 250.0, 0.05, 32
-"""Grey levels that are overexposed; where such a share of a view is, points of it, so far apart, are features too."""
 
 
 def extract_features(view: View, detections: Sequence[Detection]) -> list[Feature]:
@@ -36,8 +34,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     and a "middle" of what is seen of it, uncertain along it by half its length. Ends come in no particular order.
 
     On an overexposed ceiling lamps are looked for in the last levels below white first. What the picture's brightness
-    does not show is measured in the masks. Of an overexposed view, points that are white are features "white": they may
-    hide lamps.
+    does not show is measured in the masks.
     """
     grey = np.asarray(cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY), np.float32)
     glare = glare_of(view.image, grey, detections)
@@ -51,8 +48,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     )
     features += _compact(view, detections, lamps, 0)
     features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
-    features += _by_mask(view, grey, detections, left - _numbers(compact, lit))
-    return features + _white(view, grey)
+    return features + _by_mask(view, grey, detections, left - _numbers(compact, lit))
 
 
 def is_by_mask(feature: Feature) -> bool:
@@ -138,22 +134,6 @@ def _by_mask(view: View, grey: Singles, detections: Sequence[Detection], numbers
             instance = seed.number + OUTLINED * stands_out(grey, detection)
             features.append(point_feature(view, detection, instance, "centre", seed.middle, BY_MASK_PX))
     return features
-
-
-def _white(view: View, grey: Singles) -> list[Feature]:
-    """Points of an overexposed view that are white."""
-    white = grey >= WHITE
-    if white.mean() < WHITE_SHARE:
-        return []
-    first = WHITE_STEP_PX // 2
-    rows, columns = np.nonzero(white[first::WHITE_STEP_PX, first::WHITE_STEP_PX])
-    pixels = first + WHITE_STEP_PX * np.column_stack([columns, rows]).astype(np.float64)
-    covariance = np.square(WHITE_STEP_PX / 2) * np.eye(2)[None]
-    frame, name = view.frame, view.spec.name
-    return [
-        Feature(frame, name, "light", "white", FIRST_WHITE + number, pixel[None], covariance, score=0.0)
-        for number, pixel in enumerate(pixels)
-    ]
 
 
 def _strip(view: View, detections: Sequence[Detection], body: Body, sigma_px: float) -> list[Feature]:
