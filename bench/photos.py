@@ -496,12 +496,6 @@ def measured(
         yield photograph.name, score(maps, photograph.truth, classes, thresholds)
 
 
-def networks(plugin: str) -> list[Path]:
-    """The networks that a plugin comes with, its own first. Raises PluginError."""
-    found = load_class(plugin)
-    return [Path(found.model), *map(Path, getattr(found, "further_models", ()))]
-
-
 def thresholds(given: argparse.Namespace) -> Thresholds:
     """The one of the command line, or those of the plugin's settings."""
     if given.threshold is not None:
@@ -532,7 +526,7 @@ def predictor(segmenter: Segmenter, classes: Sequence[str]) -> Predict:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument("--set", choices=list(SETS), default="dev", help="of `unseen` only totals are printed")
-    parser.add_argument("--model", type=Path, action="append", help="instead of the plugin's networks; may be repeated")
+    parser.add_argument("--model", type=Path, action="append", help="instead of the plugin's network; may be repeated")
     parser.add_argument("--plugin", default="shelves", help="whose network and classes")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
     parser.add_argument("--threshold", type=float, help="one for all pixels; by default the plugin's three")
@@ -553,7 +547,7 @@ def run(given: argparse.Namespace) -> Figures:
         photographs = list(others(given.labels, given.pictures or given.labels, classes))
     each = given.labels is not None or given.set == "dev"
     figures: dict[str, dict[str, float]] = {}
-    for model in given.model or networks(given.plugin):
+    for model in given.model or [Path(load_class(given.plugin).model)]:
         segmenter = Segmenter(model, given.threads, providers=("cpu",))
         for way in given.ways:
             total = shown(segmenter, photographs, way, classes, thresholds(given), each)

@@ -28,7 +28,6 @@ from pydantic import BaseModel
 from savmap.errors import VideoError
 from savmap.files.atomic import reason, sha256
 from savmap.files.serialization import packed
-from savmap.pipeline.networks import further_models
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import Job, plugins_for
 from savmap.site.model import Pass
@@ -136,7 +135,7 @@ def _plugin(plugin: LoadedPlugin, pixels_only: bool) -> dict[str, Any]:
         "name": plugin.name,
         "plugin": f"{type(plugin.instance).__module__}.{type(plugin.instance).__qualname__}",
         "settings": settings.model_dump(mode="json", exclude=later | {"model"}),
-        "models": [_network(model, providers) for model in (plugin.model, *further_models(plugin))],
+        "model": _network(plugin.model, providers),
         "providers": providers,
     }
 

@@ -19,11 +19,9 @@ from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.maps.run_record import read_log
 from savmap.pipeline.drive import RowWalk, drive_along, require_path
-from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.path import warnings_held_back
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.view_plans import PassPlan, looked_at
-from savmap.plugin.manager import LoadedPlugin
+from savmap.pipeline.view_plans import PassPlan, looked_at, plan_shown
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins, plugins_for
@@ -139,11 +137,9 @@ def _previewed(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator
 
 @dataclass(frozen=True, eq=False)
 class PlannedPass:
-    """How a run looks at a pass: the plugins with the networks that see most of it, and their views; the seconds that
-    it took to choose these."""
+    """How a run looks at a pass: its plugins' views; the seconds that it took to choose these."""
 
     request: RowRequest
-    plugins: Sequence[LoadedPlugin]
     plan: PassPlan
     seconds: float
 
@@ -153,8 +149,8 @@ class PlannedPass:
         begin, request = time.perf_counter(), replace(request_for(job, part.row), passes=(part.row_pass,))
         row_pass, shown, walk = looked_at(part.row_pass, Renderer())
         attitude = request.attitudes.get(part.name)
-        plugins, plan = with_best_networks(part.name, row_pass, request.plugins, shown, attitude, walk)
-        return cls(request, plugins, plan, time.perf_counter() - begin), shown
+        plan = plan_shown(part.name, row_pass, request.plugins, shown, attitude, walk)
+        return cls(request, plan, time.perf_counter() - begin), shown
 
 
 Plans = dict[tuple[object, ...], PlannedPass]
@@ -287,7 +283,7 @@ def _rate(job: Job, part: Footage, planned: PlannedPass) -> Rate:
     probe = ProbeMonitor()
     request = replace(planned.request, strips=job.site.orthophotos, stills=job.site.panoramas)
     with warnings_held_back():  # of a few frames, which show a part of the row
-        walk = RowWalk((request, planned.plugins, planned.plan), SegmenterPool(planned.plugins), Renderer(), Journal())
+        walk = RowWalk((request, planned.plan), SegmenterPool(request.plugins), Renderer(), Journal())
         walk.begin(planned.plan.name, part.row_pass, probe)
         drive_along(planned.plan.clip, [walk], walk.renderer, probe)
     if walk.failure and not (isinstance(walk.failure, StructureError) and len(walk.stamps) > 1):

@@ -82,7 +82,7 @@ def beside_drive(row_pass: Pass, distance_m: float, monitor: Monitor) -> BesideD
     views = ViewPlan((tilted(face, 0.0, HFOV_DEG, VIEW),), face.world_from_rig, face.travel)
     plan = PassPlan("pass 1", row_pass.clip, {VIEW: views}, row_pass.side, warnings, lens_walk)
     request = RowRequest(ROW, (row_pass,), (), References(), strips=True)
-    walk = RowWalk((request, (), plan), SegmenterPool(()), renderer, Journal())
+    walk = RowWalk((request, plan), SegmenterPool(()), renderer, Journal())
     walk.begin(plan.name, row_pass, monitor)
     drive_along(row_pass.clip, [walk], renderer, monitor)
     if walk.failure is not None:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from savmap.files.atomic import file_name, write_bytes
-from savmap.pipeline.networks import with_best_networks
-from savmap.pipeline.view_plans import PassPlan, looked_at
+from savmap.pipeline.view_plans import PassPlan, looked_at, plan_shown
 from savmap.plugin.manager import LoadedPlugin
 from savmap.site.model import Pass, pass_names
 from savmap.types import Floats, Panorama, ViewSpec
@@ -50,7 +49,7 @@ def previews(
     `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
         (row_pass, pass_preview, walk), path = looked_at(row_pass, Renderer()), folder / picture_name(row, name)
-        _, plan = with_best_networks(name, row_pass, plugins, pass_preview, attitudes.get(name), walk)
+        plan = plan_shown(name, row_pass, plugins, pass_preview, attitudes.get(name), walk)
         write_views(path, plan, pass_preview)
         yield path
 

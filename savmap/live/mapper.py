@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
@@ -32,7 +31,6 @@ from savmap.pipeline.records import FrameRecord, RowRequest
 from savmap.pipeline.row import map_rows
 from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.calls import limit_hooks
-from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.report.site_report import VIEW
 from savmap.report.viewer import View, write_view
@@ -50,29 +48,20 @@ MOST_MAPPED = 400
 
 @dataclass(frozen=True, eq=False)
 class LivePlan:
-    """What the walk looks at: by plugin, the views that it wants of the pass and the network that sees most ("": its
-    first one); and what speaks against the pictures."""
+    """What the walk looks at: by plugin, the views that it wants of the pass; and what speaks against the pictures."""
 
     views: Mapping[str, ViewPlan]
-    networks: Mapping[str, str]
     warnings: tuple[MapWarning, ...] = ()
 
     @classmethod
-    def of(cls, plugins: Sequence[LoadedPlugin], plan: PassPlan) -> "LivePlan":
+    def of(cls, plan: PassPlan) -> "LivePlan":
         """As the plugins chose."""
-        networks = {plugin.name: str(plugin.network or "") for plugin in plugins}
-        return cls(dict(plan.plans), networks, plan.warnings)
+        return cls(dict(plan.plans), plan.warnings)
 
-    def planned(self, request: RowRequest) -> tuple[RowRequest, list[LoadedPlugin], PassPlan]:
-        """The row, its plugins with these networks, and the views of its pass."""
-        networks = {name: Path(network) if network else None for name, network in self.networks.items()}
-        plugins = [replace(plugin, network=networks[plugin.name]) for plugin in request.plugins]
+    def planned(self, request: RowRequest) -> PassPlan:
+        """The views of the row's pass."""
         (name,), (row_pass,) = pass_names(request.passes[:1]), request.passes[:1]
-        return (
-            replace(request, plugins=plugins),
-            plugins,
-            PassPlan(name, row_pass.clip, self.views, row_pass.side, self.warnings),
-        )
+        return PassPlan(name, row_pass.clip, self.views, row_pass.side, self.warnings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +192,8 @@ class ProvisionalMaps:
 
     def _mapped(self, asked: MapRequest) -> RowMap:
         monitor, request = SilentMonitor(), replace(request_for(self.job, self.row), appearance=False)
-        _, plugins, plan = planned = self.live_plan.planned(request)
-        walk = RowWalk(planned, SegmenterPool(plugins), Renderer(), self._journal)
+        plan = self.live_plan.planned(request)
+        walk = RowWalk((request, plan), SegmenterPool(request.plugins), Renderer(), self._journal)
         walk.begin(plan.name, request.passes[0], monitor)
         records = self._read(asked.measured)
         for number, stamp_s in enumerate(asked.stamps_s):

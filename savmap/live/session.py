@@ -41,8 +41,8 @@ from savmap.live.assistant import (
 from savmap.live.mapper import LivePlan, Mapper, MapReply, MapRequest
 from savmap.maps.map_file import read_map
 from savmap.pipeline.drive import RowWalk, Way, before_face
-from savmap.pipeline.networks import with_best_networks
 from savmap.pipeline.records import RowRequest
+from savmap.pipeline.view_plans import plan_shown
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, prepare
 from savmap.site.model import pass_names
@@ -310,13 +310,13 @@ class LiveMapping:
             try:
                 preview = PassPreview.of_frames(keys, pairs, self._renderer)
                 attitude = self.request.attitudes.get(name)
-                plugins, plan = with_best_networks(name, row_pass, self.request.plugins, preview, attitude)
+                plan = plan_shown(name, row_pass, self.request.plugins, preview, attitude)
             except StructureError as error:
                 self._reply = MapReply(None, str(error), 0, 0.0, is_unseen=True)
                 self._looked_for = min(self._looked_for + PREVIEWED, MOST_PREVIEWED)
                 self._frames.drop(PREVIEWED if len(first) >= MOST_PREVIEWED else 0)
             else:
-                self._begin(LivePlan.of(plugins, plan))
+                self._begin(LivePlan.of(plan))
         return True
 
     def _take_up(self) -> None:
@@ -330,8 +330,8 @@ class LiveMapping:
         self._reply = MapReply(None, "", 0, 0.0)
         if not self._journal.has(PLAN, 0):
             self._journal.add(PLAN, 0, live_plan)
-        _, plugins, plan = planned = live_plan.planned(self.request)
-        self._walk = RowWalk(planned, SegmenterPool(plugins), self._renderer, self._journal)
+        plan = live_plan.planned(self.request)
+        self._walk = RowWalk((self.request, plan), SegmenterPool(self.request.plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
         self._way.keys.towards = [] if self._walk.towards is None else [self._walk.towards]
         self._follow_attitude(plan.attitude())

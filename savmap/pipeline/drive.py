@@ -20,7 +20,6 @@ from savmap.maps.map_file import FIGURE
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
 from savmap.pipeline.key_frames import KeyFrames, front
 from savmap.pipeline.lens_walks import LensPoints, LensWalk, LensWay
-from savmap.pipeline.networks import network_lines, with_best_networks
 from savmap.pipeline.records import (
     DriveFrame,
     FrameRecord,
@@ -32,7 +31,7 @@ from savmap.pipeline.records import (
     strips_of,
 )
 from savmap.pipeline.trust.footage import require_course
-from savmap.pipeline.view_plans import PassPlan, looked_at, plan_pass
+from savmap.pipeline.view_plans import PassPlan, looked_at, plan_pass, plan_shown
 from savmap.plugin.isolation import failed, left_out
 from savmap.plugin.manager import LoadedPlugin
 from savmap.plugin.segmenters import SegmenterPool, close_unused
@@ -69,8 +68,8 @@ from savmap.vision.views import Region, Renderer, tones_of
 WORKERS, DEPTH = 2, 3
 CutKind = TypeVar("CutKind", bound=Cut)
 
-Planned = tuple[RowRequest, Sequence[LoadedPlugin], PassPlan]
-"""A row, its plugins with the networks that see most, and the views of its first pass."""
+Planned = tuple[RowRequest, PassPlan]
+"""A row, and the views of its first pass."""
 Rendered = tuple[Sequence[View], Sequence[Cut], PanoramaStrip | None] | FrameRecord
 """Of a frame: views, cuts and a strip, or what was kept of it."""
 
@@ -99,7 +98,7 @@ def walk(requests: Sequence[RowRequest], journal: Journal, monitor: Monitor) -> 
     previews: dict[Footage, tuple[Pass, PassPreview, LensWalk | None]] = {}
     planned = each(requests, lambda row: _planned(row, previews, renderer, monitor))
     previews.clear()
-    networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[1]]
+    networks = [plugin for item in planned if not isinstance(item, SavmapError) for plugin in item[0].plugins]
     segmenters = SegmenterPool(networks)
     close_unused()
     walks = each(planned, lambda item: RowWalk(item, segmenters, renderer, journal))
@@ -129,7 +128,7 @@ def _planned(
     renderer: Renderer,
     monitor: Monitor,
 ) -> Planned:
-    """Choose the networks, and the views of the first pass. Rows that are seen in the same footage share its
+    """Choose the views of the first pass. Rows that are seen in the same footage share its
     preview."""
     if row.plugins and all(plugin.needs_path for plugin in row.plugins):
         require_path(row.name, row.plugins[0], row.path)
@@ -139,8 +138,7 @@ def _planned(
         previews[row_pass.footage] = looked_at(row_pass, renderer)
     with_camera, preview, walk = previews[row_pass.footage]
     row_pass = row_pass.model_copy(update={"camera": with_camera.camera})
-    plugins, plan = with_best_networks(name, row_pass, row.plugins, preview, row.attitudes.get(name), walk)
-    return row, plugins, plan
+    return row, plan_shown(name, row_pass, row.plugins, preview, row.attitudes.get(name), walk)
 
 
 def require_path(row: str, plugin: LoadedPlugin, path: Trajectory | None) -> None:
@@ -357,7 +355,8 @@ class RowWalk:
     markers are followed."""
 
     def __init__(self, planned: Planned, segmenters: SegmenterPool, renderer: Renderer, journal: Journal) -> None:
-        self.request, self.plugins, first_plan = planned
+        self.request, first_plan = planned
+        self.plugins = self.request.plugins
         self.name, self.journal = self.request.name, journal
         self.segmenters, self.renderer = segmenters, renderer
         names = zip(pass_names(self.request.passes), self.request.passes, strict=True)
@@ -394,10 +393,7 @@ class RowWalk:
         self.locators: set[str] = set()
         self.located: set[str] = set()
         """The views that these look at."""
-        self.notes: list[str] = [
-            *segmenters.notes,
-            *(f"row {self.name}: {line}" for line in network_lines(self.plugins)),
-        ]
+        self.notes = [*segmenters.notes]
         self.cuts: list[Cut] = []
         self.tones: list[Mapping[str, tuple[float, float]]] = []
         self.warnings: list[MapWarning] = []

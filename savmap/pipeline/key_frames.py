@@ -11,7 +11,7 @@ from savmap.vision.odometry import Followed
 
 SHARE = 0.2
 """Of its distance from the face, by which the camera moves on from one key frame to the next. What stands off the face
-is seen as several things where it is 0.3: three of 17 test rows are then refused, one with this."""
+is seen as several things where it is 0.3: one of 17 test rows is then refused, none with this."""
 AROUND_DEG, FRONT = 40.0, 0.15
 """The face is where this share of the points is nearer, of those about its direction."""
 PARALLAX_RAD = 0.1

@@ -72,20 +72,35 @@ def plan_pass(
     renderer: Renderer,
     attitude: Floats | None,
 ) -> tuple[PassPlan, PassPreview]:
+    """Look at a pass, and plan its views as `plan_shown` does."""
+    row_pass, pass_preview, walk = looked_at(row_pass, renderer)
+    return plan_shown(name, row_pass, plugins, pass_preview, attitude, walk, segmenters), pass_preview
+
+
+def plan_shown(
+    name: str,
+    row_pass: Pass,
+    plugins: Sequence[LoadedPlugin],
+    pass_preview: PassPreview,
+    attitude: Floats | None,
+    walk: LensWalk | None = None,
+    segmenters: SegmenterPool | None = None,
+) -> PassPlan:
     """Ask every plugin for its views of a pass, in the order of `face_first`. The attitude that one finds is given to
     those after it.
 
-    `attitude`: world_from_rig (3, 3) of the first frame, where it is known. Raises VideoError where the pictures are no
-    panoramas.
+    `attitude`: world_from_rig (3, 3) of the first frame, where it is known; `walk`: of an ordinary lens; `segmenters`:
+    the plugins' networks, where they are open already. Raises VideoError where the pictures are no panoramas,
+    StructureError where a plugin finds no structure.
     """
-    row_pass, pass_preview, walk = looked_at(row_pass, renderer)
+    segmenters = SegmenterPool(plugins) if segmenters is None else segmenters
     warnings = require_panoramas(row_pass.clip, pass_preview.keys)
     plans: dict[str, ViewPlan] = {}
     for plugin in face_first(plugins):
         plans[plugin.name] = plan_views(plugin, row_pass, segmenters, pass_preview, attitude)
         attitude = plans[plugin.name].world_from_rig if attitude is None else attitude
     plans = {plugin.name: plans[plugin.name] for plugin in plugins}
-    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings, walk), pass_preview
+    return PassPlan(name, row_pass.clip, plans, row_pass.side, warnings, walk)
 
 
 def face_first(plugins: Sequence[LoadedPlugin]) -> list[LoadedPlugin]:
@@ -112,7 +127,7 @@ def plan_views(
     pass_preview: PassPreview,
     attitude: Floats | None,
 ) -> ViewPlan:
-    """The views of a pass that one plugin wants; `attitude` as in `plan_pass`."""
+    """The views of a pass that one plugin wants; `attitude` as in `plan_shown`."""
     whole = whole_view(pass_preview.keys[0])
     manual = {"face": whole} if whole is not None else {}
     manual |= {key: Manual(**view.model_dump()) for key, view in row_pass.views.items()}

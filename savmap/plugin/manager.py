@@ -146,7 +146,6 @@ class LoadedPlugin(HookCaller):
 
     config: BaseModel
     providers: tuple[str, ...] = ()
-    network: Path | None = None
 
     render_views = Hook(hookspecs.render_views, ViewPlan, checks.check_view_plan)
     extract_features = Hook(hookspecs.extract_features, list[Feature], checks.check_features)
@@ -195,9 +194,8 @@ class LoadedPlugin(HookCaller):
 
     @property
     def model(self) -> Path:
-        """The network's file: the config's `model` if set, else the one chosen for the row (`network`) or that comes
-        with the plugin."""
-        return Path(getattr(self.config, "model", None) or self.network or self.instance.model)
+        """The network's file: the config's `model` if set, else the one that comes with the plugin."""
+        return Path(getattr(self.config, "model", None) or self.instance.model)
 
     @property
     def model_file(self) -> Path:

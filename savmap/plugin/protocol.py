@@ -71,8 +71,6 @@ class Plugin(Protocol):
     - `ifc_classes: Mapping[str, str]`: by classes of building models, such as "IfcColumn", the label that elements of
       this class have where a survey is imported.
     - `libraries: tuple[str, ...]`: packages without which the plugin does less.
-    - `further_models: tuple[Path, ...]`: networks beside `model`, trained on other kinds of pictures; one takes its
-      place in rows where it sees clearly more (`savmap.pipeline.networks`).
     """
 
     @property

@@ -108,12 +108,14 @@ class Structure:
         return assumed
 
     def _assumed_ends(self) -> Bools:
-        """Which vertices (n,) its plugin says that it assumes, by the words of their labels; all, where it names
-        none."""
+        """Which vertices (n,) its plugin says that it assumes, by their labels or by words of these; all, where it
+        names none."""
         assumed = np.zeros(len(self.vertices), bool)
         for text in (self.attributes[key] for key in ENDS if isinstance(self.attributes.get(key), str)):
             words = set(str(text).split())
-            named = np.array([bool(words.intersection(label.split())) for label in self.vertex_labels], bool)
+            named = np.array([label in str(text) for label in self.vertex_labels], bool)
+            if not named.any():
+                named = np.array([bool(words.intersection(label.split())) for label in self.vertex_labels], bool)
             assumed |= named if named.any() else True
         return assumed
 

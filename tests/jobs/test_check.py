@@ -16,7 +16,6 @@ from savmap.jobs.check import FRAMES, CheckError, ResourceEstimate, check, durat
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.view_plans import PassPlan
-from savmap.plugin.manager import LoadedPlugin
 from savmap.site.job import job_for
 from savmap.site.model import Pass
 from savmap.site.preflight import require_ready
@@ -266,9 +265,9 @@ def test_a_file_that_is_cut_off_is_short_for_both(folder: Path, share: float) ->
     assert "site.yaml:8: b.mkv: nothing can be decoded after" in lines[1]
 
 
-def aimed(name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], *_: object) -> tuple[Any, PassPlan]:
-    """In place of `with_best_networks`."""
-    return plugins, PassPlan(name, row_pass.clip, {"shelves": ViewPlan((ViewSpec("face", 0.0),))})
+def aimed(name: str, row_pass: Pass, *_: object) -> PassPlan:
+    """In place of `plan_shown`."""
+    return PassPlan(name, row_pass.clip, {"shelves": ViewPlan((ViewSpec("face", 0.0),))})
 
 
 @pytest.fixture
@@ -277,7 +276,7 @@ def without_networks(monkeypatch: pytest.MonkeyPatch) -> None:
     keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
     preview = PassPreview(keys, (), Renderer(), np.eye(3))
     monkeypatch.setattr(checking, "looked_at", lambda row_pass, _: (row_pass, preview, None))
-    monkeypatch.setattr(checking, "with_best_networks", aimed)
+    monkeypatch.setattr(checking, "plan_shown", aimed)
 
 
 @pytest.mark.usefixtures("without_networks")

@@ -26,11 +26,11 @@ def test_maps_are_told_the_path_of_the_drive(tmp_path: Path, monkeypatch: pytest
     job = live_job(write_video(tmp_path / "a.mp4", evenly(40, 10)), ["shelves"], tmp_path / "out", None, 2.0).walked
     plugin, request = watcher(lambda view: []), session.request_for
 
-    def with_best_networks(name: str, row_pass: Any, *_: object) -> Any:
-        return [plugin], PassPlan(name, row_pass.clip, {"watcher": ViewPlan((AHEAD,), LEVEL)})
+    def plan_shown(name: str, row_pass: Any, *_: object) -> Any:
+        return PassPlan(name, row_pass.clip, {"watcher": ViewPlan((AHEAD,), LEVEL)})
 
     monkeypatch.setattr(session, "request_for", lambda *given: replace(request(*given), plugins=[plugin]))
-    monkeypatch.setattr(session, "with_best_networks", with_best_networks)
+    monkeypatch.setattr(session, "plan_shown", plan_shown)
     monkeypatch.setattr(session.PassPreview, "of_frames", lambda *_: None)
     monkeypatch.setattr(session, "Mapper", FakeMapper)
     monkeypatch.setattr(session, "PREVIEWED", 3)

@@ -133,13 +133,13 @@ def plan(monkeypatch: pytest.MonkeyPatch, job: Job) -> list[PassPlan]:
 def planned(monkeypatch: pytest.MonkeyPatch, job: Job, extract: Callable[[View], list[Feature]]) -> list[PassPlan]:
     plugin, chosen = watcher(extract), list[PassPlan]()
 
-    def with_best_networks(name: str, row_pass: Any, *_: object) -> tuple[list[LoadedPlugin], PassPlan]:
+    def plan_shown(name: str, row_pass: Any, *_: object) -> PassPlan:
         chosen.append(PassPlan(name, row_pass.clip, {"watcher": ViewPlan((AHEAD,), np.eye(3))}, row_pass.side))
-        return [plugin], chosen[-1]
+        return chosen[-1]
 
     request = session.request_for
     monkeypatch.setattr(session, "request_for", lambda *given: replace(request(*given), plugins=[plugin]))
-    monkeypatch.setattr(session, "with_best_networks", with_best_networks)
+    monkeypatch.setattr(session, "plan_shown", plan_shown)
     monkeypatch.setattr(session.PassPreview, "of_frames", lambda *_: None)
     monkeypatch.setattr(session, "Mapper", FakeMapper)
     return chosen
@@ -259,7 +259,7 @@ def test_nothing_to_be_mapped_is_said_and_looked_for_again(
         asked.append(1)
         raise StructureError("no structure is seen")
 
-    monkeypatch.setattr(session, "with_best_networks", nothing)
+    monkeypatch.setattr(session, "plan_shown", nothing)
     with LiveMapping(job, "1") as live:
         for panorama in frames(40):
             live.take(panorama)
@@ -316,7 +316,7 @@ def test_choosing_views_ends_with_the_session(job: Job, plan: list[PassPlan], mo
             begun.set()
             live._renderer.render(panorama_after(0), AHEAD)
 
-    monkeypatch.setattr(session, "with_best_networks", looks_for_ever)
+    monkeypatch.setattr(session, "plan_shown", looks_for_ever)
     live = LiveMapping(job, "1")
     for panorama in frames(session.PREVIEWED):
         live.take(panorama)
@@ -340,15 +340,14 @@ def test_a_folder_elsewhere_is_refused(job: Job) -> None:
 
 def test_plan_goes_to_another_process_and_back(job: Job, plan: list[PassPlan]) -> None:
     request = session.request_for(job, "1")
-    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))}, {"watcher": ""})
-    _, plugins, pass_plan = live_plan.planned(request)
-    assert [plugin.name for plugin in plugins] == ["watcher"]
+    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))})
+    pass_plan = live_plan.planned(request)
     assert pass_plan.side == "left"
     assert np.array_equal(pass_plan.attitude(), np.eye(3))
 
 
 def test_an_interrupt_is_left_to_the_process_that_walks(job: Job) -> None:
-    maps = Mapper(job, "1", "key", LivePlan({}, {}), {})
+    maps = Mapper(job, "1", "key", LivePlan({}), {})
     try:
         assert maps._process.pid is not None
         for _ in range(5):  # also while it still begins
@@ -367,7 +366,7 @@ def test_a_hook_that_is_stuck_ends_the_process_that_maps(job: Job) -> None:
     other.close()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mapper, "limit_hooks", limits.append)
-        mapper._serve(line, limited, "1", "key", LivePlan({}, {}), packed({}))
+        mapper._serve(line, limited, "1", "key", LivePlan({}), packed({}))
     assert limits == [7.0]
 
 
@@ -377,7 +376,7 @@ def test_a_long_row_is_mapped_from_evenly_chosen_frames(monkeypatch: pytest.Monk
     with Journal() as journal:
         for number in range(10):
             journal.add("1", number, FrameRecord({}))
-        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}, {}), {})
+        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}), {})
         maps._journal = journal
         monkeypatch.setattr(journal, "get", lambda kind, row, number: read.append(number) or FrameRecord({}))
         assert sorted(maps._read(frozenset({0, 1, 11}))) == [0, 1]
@@ -397,7 +396,7 @@ def test_a_provisional_map_begins_with_the_drives_path(
 
     monkeypatch.setattr(mapper, "find_structures", find_structures)
     monkeypatch.setattr(mapper, "request_for", session.request_for)
-    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))}, {"watcher": ""})
+    live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))})
     path = Trajectory(np.array([1, 3]), np.tile(np.eye(4), (2, 1, 1)))
     asked = unpacked(packed(MapRequest((0.0, 0.1, 0.2, 0.3), frozenset({1, 3}), path)), MapRequest)
     reply = ProvisionalMaps(job, "1", TemporaryParts(), live_plan, {}).map(asked)

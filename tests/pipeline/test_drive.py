@@ -110,7 +110,7 @@ def walk_of(
     row_pass = Pass(video=plan.clip.path)
     references = References(markers=(KnownMarker("tag36h11", 7, 0.2, 0.0005),))
     request = RowRequest(row, (row_pass,), rooms, references, stills=True, **more)
-    walk = RowWalk((request, rooms, plan), SegmenterPool(rooms), Renderer(), journal or Journal())
+    walk = RowWalk((request, plan), SegmenterPool(rooms), Renderer(), journal or Journal())
     walk.begin(plan.name, row_pass, SilentMonitor())
     return walk
 
@@ -289,13 +289,13 @@ def test_two_rows_of_a_drive_see_every_frame_once(aimed: PassPlan, monkeypatch: 
     plans = {"A": {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,)), "three": ViewPlan((AHEAD,))}}
     plans["B"] = {"one": ViewPlan((BACK, UP)), "two": ViewPlan((UP,)), "three": ViewPlan((BACK,))}
 
-    def chosen(name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], *_: Any) -> Any:
+    def chosen(*_: Any) -> Any:
         row = "A" if len(first) == 0 else "B"
         first.append(row)
-        return plugins, replace(aimed, plans=plans[row])
+        return replace(aimed, plans=plans[row])
 
     first: list[str] = []
-    monkeypatch.setattr(drive, "with_best_networks", chosen)
+    monkeypatch.setattr(drive, "plan_shown", chosen)
     monkeypatch.setattr(drive, "looked_at", lambda row_pass, _: (row_pass, None, None))
     rooms = [room(name, lambda view, detections: []) for name in ("one", "two", "three")]
     row_pass = Pass(video=aimed.clip.path)

@@ -114,7 +114,7 @@ def walk_of(
     row_pass, plugin = Pass(video=Path("drive.mp4")), room(looks)
     plan = PassPlan("pass 1", Clip(row_pass.video), {"one": ViewPlan((spec,), attitude)})
     request = RowRequest(row, (row_pass,), [plugin], References(), appearance=True, **asked)
-    walk = RowWalk((request, [plugin], plan), SegmenterPool([plugin]), Renderer(), journal or Journal())
+    walk = RowWalk((request, plan), SegmenterPool([plugin]), Renderer(), journal or Journal())
     walk.begin("pass 1", row_pass, SilentMonitor())
     return walk
 

@@ -85,8 +85,23 @@ def _opened(lamp: Structure, seen_to: float, length: float | None, lamps: Sequen
         covariances=covariances[order],
         vertex_labels=("end 0", "end 1"),
         edges=np.array([[0, 1]], np.int64),
-        attributes={**lamp.attributes, **({"end not seen": f"end {1 if way > 0 else 0}"})},
+        attributes={**lamp.attributes, "ends": f"end {1 if way > 0 else 0} not seen"},
     )
+
+
+def without_inner_end(lamps: Sequence[Structure]) -> list[Structure]:
+    """The lamps of which nothing tells where they end towards another one. Where the outermost end is out of view."""
+    middles = np.array([lamp.vertices[:, 0].mean() for lamp in lamps])
+    return [
+        lamp
+        for lamp, middle in zip(lamps, middles.tolist(), strict=True)
+        if not is_whole(lamp) and bool((_way(lamp) * (middles - middle) > 0).any())
+    ]
+
+
+def _way(lamp: Structure) -> float:
+    """The direction along x in which a lamp's end was not seen."""
+    return -1.0 if str(lamp.attributes["ends"]).startswith("end 0") else 1.0
 
 
 def _is_another_there(lamp: Structure, far: float, way: float, lamps: Sequence[Structure]) -> bool:

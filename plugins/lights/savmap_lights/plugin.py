@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 import savmap.plugin as door
 from savmap.plugin import Detection, Feature, Floats, RowFacts, Structure, Track, Trajectory, View, hookimpl
 from savmap_lights.features import extract_features
-from savmap_lights.open_ends import LIGHT_BESIDE, is_whole, with_open_ends, with_remarks, with_solids
+from savmap_lights.open_ends import LIGHT_BESIDE, is_whole, with_open_ends, with_remarks, with_solids, without_inner_end
 from savmap_lights.scores import centre_of, score_lamps
 from savmap_lights.space.ties import ties
 from savmap_lights.tracking import track_lamps
@@ -60,6 +60,11 @@ class SurveyedRow(BaseModel):
 def read_row(entry: Mapping[str, Any]) -> SurveyedRow:
     """The lamps of a row's entry. Raises OutputError."""
     return door.checked(SurveyedRow, entry, "survey")
+
+
+def _not_known(lamp: Structure) -> door.MapWarning:
+    x, y, z = centre_of(lamp)[0].tolist()
+    return door.MapWarning("inaccurate-element", (lamp.id,), str(lamp.attributes["ends"]), (x, y, z))
 
 
 class Lights:
@@ -120,12 +125,14 @@ class Lights:
 
     @hookimpl
     def warnings(self, structures: Sequence[Structure]) -> list[door.MapWarning]:
-        """What shines on the lamps' line, is none of them, and was seen as often as they were."""
+        """What shines on the lamps' line, is none of them, and was seen as often as they were; and lamps of which an end
+        was not seen that others lie beyond."""
         lights = [
             (float(lamp.attributes[LIGHT_BESIDE]), lamp) for lamp in structures if LIGHT_BESIDE in lamp.attributes
         ]
         places = [(x, *centre_of(lamp)[0, 1:].tolist()) for x, lamp in lights]
-        return [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
+        beside = [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
+        return [*beside, *map(_not_known, without_inner_end(structures))]
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

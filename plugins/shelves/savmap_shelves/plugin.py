@@ -54,7 +54,6 @@ class Shelves:
     classes = ("upright", "beam")
     ifc_classes: ClassVar = {"IfcColumn": "upright", "IfcBeam": "beam"}
     model = Path(__file__).parent / "model" / "shelves.int8.onnx"
-    further_models = (Path(__file__).parent / "model" / "photographs.int8.onnx",)
     Config = ShelvesSettings
     Limits = ShelvesLimits
     reference_names = (

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from savmap.errors import SavmapError, SiteError, SolveError, StructureError
-from savmap.files.atomic import read_json, sha256, write_text
+from savmap.files.atomic import read_json, write_text
 from savmap.jobs.map_site import SiteRun, map_job_into
 from savmap.jobs.scheduler import RunOptions
 from savmap.lab.adapt.distillation import distilled
@@ -25,8 +25,7 @@ from savmap.lab.adapt.records import (
     mean,
 )
 from savmap.lab.train import TrainingPlan, train
-from savmap.lab.train.data.sets import read_set
-from savmap.lab.train.plan import float_model, minutes_of, trained_classes
+from savmap.lab.train.plan import minutes_of, trained_classes
 from savmap.maps.map_file import read_map
 from savmap.site.job import Job, prepare
 from savmap.types.progress import Monitor
@@ -51,8 +50,7 @@ INTEGERS = ".int8.onnx"
 @dataclass(frozen=True, eq=False)
 class Adaptation:
     """A site that teaches a plugin's network: the job, the plugin's name and its network's classes, the options, data
-    sets against forgetting, where all is written, who is told, a data set of other places that nothing learns from, and
-    the networks that may be taught in place of the one that made the first map (none where the user names one)."""
+    sets against forgetting, where all is written, who is told, a data set of other places that nothing learns from."""
 
     job: Job
     plugin: str
@@ -63,13 +61,11 @@ class Adaptation:
     monitor: Monitor
     meter: Meter
     others: Path | None = None
-    candidates: Sequence[Path] = ()
 
-    def mapped(self, model: Path, trainable: Path, folder: Path, named: bool = True) -> State:
-        """The site's map with a network, made in a folder unless it is there; one that is not `named` is chosen row by
-        row, as `savmap map` does. Rows in which a structure that a distance is given to is not found are mapped without
-        distances. Raises SavmapError's kinds."""
-        job = replace(job_with_network(self.job, self.plugin, model) if named else self.job, output=folder)
+    def mapped(self, model: Path, trainable: Path, folder: Path) -> State:
+        """The site's map with a network, made in a folder unless it is there. Rows in which a structure that a distance
+        is given to is not found are mapped without distances. Raises SavmapError's kinds."""
+        job = replace(job_with_network(self.job, self.plugin, model), output=folder)
         prepare(folder)
         run, failed = self._run(job)
         partial = {name: error for name, error in failed.items() if isinstance(error, SiteError)}
@@ -100,35 +96,12 @@ def played(work: Adaptation, number: int, start: State, others_first: float | No
         return result, _state_of(work, folder, start) if result.kept else start
     job = job_with_network(work.job, work.plugin, start.model)
     sets = write_labels(job, work.plugin, start.site_map, work.options.views, folder, work.monitor)
-    taught = start if number > 1 else most_agreeing(work, start, sets)
-    scores = _trained(work, folder, taught, sets)
-    result, state = _judged(work, number, folder, taught, scores, others_first)
+    scores = _trained(work, folder, start, sets)
+    result, state = _judged(work, number, folder, start, scores, others_first)
     state = state if result.kept else start
     result = replace(result, views=_pictures(sets.views), held_out=_pictures(sets.held_out))
     write_text(folder / RESULT, json.dumps(result.as_json(), indent=1) + "\n")
     return result, state
-
-
-def most_agreeing(work: Adaptation, start: State, sets: LabelSets) -> State:
-    """The start with that of the candidates which agrees best with the map, on the views to choose by.
-
-    The network that sees most made the first map; another, which sees less, may tell better where a member ends. Raises
-    ModelError."""
-    if len({*work.candidates, start.model}) < 2:
-        return start
-    from savmap.lab.train.measure import score_file  # keeps `savmap --help` fast
-
-    samples = read_set(sets.choice, work.classes).samples
-    agreement = {
-        model: score_file(float_model(model), samples, work.classes).mean
-        for model in dict.fromkeys([start.model, *work.candidates])
-    }
-    best = max(agreement, key=lambda model: agreement[model])
-    listed = ", ".join(f"{model.name} {share:.3f}" for model, share in agreement.items())
-    work.monitor.note(
-        f"`{work.plugin}` is taught beginning with {best.name}, which agrees best with the map ({listed})"
-    )
-    return replace(start, model=best, trainable=float_model(best))
 
 
 def _folder_for(work: Adaptation, number: int, start: State) -> Path:
@@ -146,7 +119,6 @@ def _folder_for(work: Adaptation, number: int, start: State) -> Path:
         replay,
         str(work.others),
         list(work.job.site.rows),
-        [sha256(model) for model in work.candidates],
     ]
     key = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     key_file = folder / KEY

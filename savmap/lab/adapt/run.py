@@ -1,15 +1,12 @@
 """`savmap adapt`: the site teaches its own network, without a label."""
 
 import json
-from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from savmap.errors import SiteError, StructureError, VideoError
+from savmap.errors import SiteError, StructureError
 from savmap.files.atomic import write_bytes, write_text
 from savmap.files.urls import is_url
 from savmap.jobs.cache import locked
@@ -22,20 +19,16 @@ from savmap.lab.train import check_extra
 from savmap.lab.train.data.sets import read_set, read_sets
 from savmap.lab.train.plan import Progress, float_model, minutes_of
 from savmap.maps.map_file import read_map
-from savmap.pipeline.networks import best_for_pass, further_models
 from savmap.site.job import Job, job_for, prepare
 from savmap.site.overrides import Override
 from savmap.site.preflight import require_ready
 from savmap.types.progress import Monitor, SilentMonitor
 from savmap.vision.networks.session import network_digest
-from savmap.vision.views import Renderer
 
 FOLDER, FIRST, PRACTICE, OTHER_PLACES, REPORT = "adapted", "first", "practice", "other-places", "report.json"
 SHOWN = ("map.json", "report.html", "face-*", "plan-*", "errors.png", "view.html")
 VIEWED = ("face/*.js", "face/small/*.js", "pano/*.js", "joint/*.js")
 """What of the new map is copied beside the network; the viewer keeps its scripts in folders."""
-MOST_LOOKED_AT = 6
-"""How many of a site's rows tell which network sees more."""
 
 
 @contextmanager
@@ -69,13 +62,12 @@ def adapt(
     require_one_network(job, name)
     shown = monitor or SilentMonitor()
     read_sets(options.replay, opened.classes)
-    model = used_network(job, name, shown)
+    model = opened.model
     trainable = float_model(model)
     folder = output / FOLDER
     prepare(folder)
     with locked(folder):
-        candidates = [opened.model, *further] if (further := further_models(opened)) else []
-        base = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter, None, candidates)
+        base = Adaptation(job, name, opened.classes, options, options.replay, folder, shown, meter)
         first = first_state(base, model, opened.model_file, trainable, output / "map.json")
         work = _beside_other_places(base)
         results, state = _rounds(work, first)
@@ -121,27 +113,10 @@ def require_one_network(job: Job, plugin: str) -> None:
         raise SiteError(f"{job.source}: rows use different networks of `{plugin}`; teach those of one with --row")
 
 
-def used_network(job: Job, name: str, monitor: Monitor) -> Path:
-    """The network that first looks at most rows: the one that is configured, or, of those that a plugin comes with, the
-    one that sees more. Of a large site a few rows tell. A row whose footage cannot be looked at counts for none. Raises
-    ModelError, PluginError."""
-    chosen: Counter[Path] = Counter()
-    rows = [*job.site.rows]
-    default = job.opened(rows[0], name).model
-    few = np.linspace(0, len(rows) - 1, min(len(rows), MOST_LOOKED_AT)).round().astype(int)
-    for row in (rows[number] for number in few.tolist()):
-        with suppress(VideoError, StructureError):
-            chosen[best_for_pass(job.site.rows[row].passes[0], job.opened(row, name), Renderer()).model] += 1
-    most = max(chosen, key=lambda model: (chosen[model], model == default), default=default)
-    if most != default:
-        monitor.note(f"`{name}` first looks with {most.name}, which sees more here")
-    return most
-
-
 def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path, map_file: Path) -> State:
-    """The network to begin with, and the map to learn from: the one in the output folder that the same networks made
-    (`model_file`, the plugin's own), or a new one, in which each row is looked at by the network that sees more. Raises
-    StructureError where that has no structures to learn from, and SavmapError's kinds where there is none."""
+    """The network to begin with, and the map to learn from: the one in the output folder that the same network made
+    (`model_file`), or a new one. Raises StructureError where that has no structures to learn from, and SavmapError's
+    kinds where there is none."""
     rows = work.job.site.rows
     existing = read_map(map_file) if map_file.is_file() else None
     if (
@@ -153,7 +128,7 @@ def first_state(work: Adaptation, model: Path, model_file: Path, trainable: Path
         mine = {name: row for name, row in existing.rows.items() if name in rows}
         state = State(model, trainable, map_file, replace(existing, rows=mine))
     else:
-        state = work.mapped(model, trainable, work.folder / FIRST, named=False)
+        state = work.mapped(model, trainable, work.folder / FIRST)
     structures = [
         structure for row in state.site_map.rows.values() for structure in row.structures.get(work.plugin, ())
     ]

@@ -17,10 +17,10 @@ from savmap.vision.views import LEGIBLE
 SURE = 0.01
 """An element exists, or does not, where its probability is so near to 1 or 0."""
 LEAST_SUPPORT, LEAST_OF_USUAL, LEAST_EXPECTED = 0.2, 0.35, 5
-VAGUE_M, VAGUE = 0.03, 3.0
+VAGUE_M, VAGUE, UNKNOWN_M = 0.03, 3.0, 1.0
 """A place is not known well where a coordinate's standard deviation is larger than `VAGUE_M`, and than `VAGUE` times
 that of most of its label: along a row that one camera height measures, all are known less well, and the references say
-so."""
+so. From `UNKNOWN_M` on it is not known at all."""
 MOST_REJECTED, FAR_M = 0.5, 0.01
 """A structure is inconsistent where a larger share of its measurements was rejected and is further from it than
 `FAR_M`. Nearer ones do not count: a structure is not wrong by more than they are."""
@@ -141,10 +141,11 @@ def _inaccurate(structures: Sequence[Structure]) -> Iterator[MapWarning]:
         alike = [structure for structure in structures if structure.label == label]
         usual = np.median([sigmas[structure.id] for structure in alike], axis=0)
         for structure in alike:
-            vague = np.where(sigmas[structure.id] > np.maximum(VAGUE_M, VAGUE * usual), sigmas[structure.id], 0.0)
+            limits = np.clip(VAGUE * usual, VAGUE_M, UNKNOWN_M)
+            vague = np.where(sigmas[structure.id] > limits, sigmas[structure.id], 0.0)
             if vague.any():
                 worst = int(np.argmax(vague))
-                accuracy = f"known to {100 * vague[worst]:.1f} cm" if vague[worst] < 1 else "not known"
+                accuracy = f"known to {100 * vague[worst]:.1f} cm" if vague[worst] < UNKNOWN_M else "not known"
                 figure = f"{AXES[worst]} {accuracy}"
                 yield MapWarning(
                     "inaccurate-element", (structure.id,), figure, place_of(structure), size=float(vague[worst])

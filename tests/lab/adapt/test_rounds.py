@@ -17,7 +17,7 @@ from savmap.lab.adapt.labels import SETS, LabelSets
 from savmap.lab.adapt.records import Adapted, AdaptOptions, State
 from savmap.lab.adapt.rounds import Adaptation
 from savmap.lab.commands import adapted_lines
-from savmap.lab.train import TrainedNetwork, TrainingPlan, measure
+from savmap.lab.train import TrainedNetwork, TrainingPlan
 from savmap.maps.map_file import write_map
 from savmap.site.job import Job
 from savmap.site.model import Row, Site
@@ -80,7 +80,7 @@ def meter(doing: str) -> Iterator[Any]:
     yield lambda done, line: None
 
 
-def adaptation(folder: Path, others: Path | None = None, candidates: Sequence[Path] = (), **options: Any) -> Adaptation:
+def adaptation(folder: Path, others: Path | None = None, **options: Any) -> Adaptation:
     (folder / "adapted").mkdir(parents=True, exist_ok=True)
     lengths = [{"between": ["post 1 / left", "post 9 / right"], "value": 2.0, "sigma": 0.01}]
     site = Site(rows={"A": Row(passes=[{"video": folder / "a.mp4"}], references={"lengths": lengths})})
@@ -95,7 +95,6 @@ def adaptation(folder: Path, others: Path | None = None, candidates: Sequence[Pa
         NoteCollector(),
         meter,
         others,
-        candidates,
     )
 
 
@@ -104,7 +103,6 @@ def adapted(
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     others: Path | None = None,
-    candidates: Sequence[Path] = (),
     **options: Any,
 ) -> Adapted:
     monkeypatch.setattr(rounds, "train", works.train)
@@ -112,7 +110,7 @@ def adapted(
     monkeypatch.setattr(rounds, "map_job_into", works.map)
     monkeypatch.setattr(rounds, "write_labels", works.label)
     monkeypatch.setattr(run, "_agreement", lambda work, model, number: dict.fromkeys(CLASSES, 0.4))
-    work = adaptation(folder, others, candidates, **options)
+    work = adaptation(folder, others, **options)
     for name in ("first.onnx", "first.int8.onnx"):
         (folder / name).write_text(name)
     write_map(map_of(2), folder / "map.json")
@@ -253,27 +251,6 @@ def test_finished_rounds_are_not_played_again(
     assert len(again.trained) == len(again.jobs) == trainings
     assert [replace(one) for one in second.rounds] == list(first.rounds)
     assert second.structures_after == 3
-
-
-@pytest.mark.parametrize(
-    ("shares", "taught"), [((0.54, 0.56), "own"), ((0.56, 0.54), "first"), ((0.56, 0.56), "first")]
-)
-def test_network_that_agrees_best_is_taught(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shares: tuple[float, float], taught: str
-) -> None:
-    """The network that sees most makes the first map; that which says what the map says is taught."""
-    works = Works([0.6, 0.7], [2, 3])
-    by_name = dict(zip(("first.onnx", "own.onnx"), shares, strict=True))
-    monkeypatch.setattr(rounds, "read_set", lambda folder, classes: SimpleNamespace(samples=()))
-    monkeypatch.setattr(measure, "score_file", lambda model, *rest: SimpleNamespace(mean=by_name[model.name]))
-    for name in ("own.onnx", "own.int8.onnx"):
-        (tmp_path / name).write_text(name)
-    done = adapted(works, tmp_path, monkeypatch, candidates=[tmp_path / "own.int8.onnx"])
-    assert [plan.init for plan in works.teachers] == [
-        tmp_path / f"{taught}.onnx",
-        tmp_path / "adapted" / "round-1" / "posts.onnx",
-    ]
-    assert done.kept is not None
 
 
 def test_map_without_outlines_teaches_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,14 @@
 """How long a strip is of which an end was never seen; the space that lamps fill, as closed as any solid."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from savmap.maps.exports.models.bodies import body_of
 from savmap.types import Floats, Structure
-from savmap_lights.open_ends import COMPACT_M, STRIP_M, THICKNESS_M, common_length, with_solids
-from savmap_lights.plugin import Lights
+from savmap_lights.open_ends import COMPACT_M, STRIP_M, THICKNESS_M, UNKNOWN_M, common_length, with_solids
+from savmap_lights.plugin import Lights, Settings
 
 
 def lamp(*vertices: tuple[float, float, float]) -> Structure:
@@ -26,6 +28,27 @@ def test_most_strips_have_one_length() -> None:
 def test_strips_that_differ_or_are_few_have_none() -> None:
     assert common_length(strips(1.5, 1.5, 1.5)) is None
     assert common_length(strips(1.5, 1.5, 1.5, 1.5, 2.0, 2.4)) is None
+
+
+def seen_from(lamp: Structure, end: int) -> Structure:
+    """The lamp, of which one end was not seen."""
+    covariances = lamp.covariances.copy()
+    covariances[end, 0, 0] = UNKNOWN_M**2
+    return replace(lamp, covariances=covariances, attributes={"ends": f"end {end} not seen"})
+
+
+def test_an_end_that_was_not_seen_is_a_warning_but_beyond_all_lamps() -> None:
+    names = ("light 1", "light 2", "light 3")
+    first, second, third = (replace(lamp, id=name) for name, lamp in zip(names, strips(1.5, 1.5, 1.5), strict=True))
+    plugin = Lights(Settings())
+    assert plugin.warnings([seen_from(first, 0), second, seen_from(third, 1)]) == []
+    inner = [seen_from(first, 1), seen_from(second, 0), third]
+    said = [(warning.code, warning.subjects, warning.figure) for warning in plugin.warnings(inner)]
+    assert said == [
+        ("inaccurate-element", ("light 1",), "end 1 not seen"),
+        ("inaccurate-element", ("light 2",), "end 0 not seen"),
+    ]
+    assert inner[0].assumed("lights", None)[:, 0].tolist() == [False, True]
 
 
 def sizes(*vertices: tuple[float, float, float]) -> Floats:

@@ -1,6 +1,6 @@
 """Train a plugin's network on, on pictures that are made meanwhile, until the process is killed:
 
-    python -m savmap.lab.train.made shelves --init plugins/shelves/savmap_shelves/model/photographs.onnx
+    python -m savmap.lab.train.made shelves --init plugins/shelves/savmap_shelves/model/shelves.onnx
     python -m savmap.lab.train.made --resume
     python -m savmap.lab.train.made --decay
 
