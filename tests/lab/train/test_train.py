@@ -2,6 +2,7 @@ import importlib
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,21 @@ from savmap.errors import OutputError, SavmapError
 from savmap.lab.train import check_extra, train
 from savmap.lab.train.plan import TrainedNetwork, TrainingPlan, warning_of
 
-from .conftest import bars
+from .conftest import MODELS, bars
 
 
 def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.lab.train.NEEDED", ("numpy", "no_such_package"))
     with pytest.raises(SavmapError, match=r"no_such_package: install the extra with `pip install 'savmap\[train\]'`"):
         check_extra()
+
+
+@pytest.fixture
+def exported(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The networks that `average` would have written as ONNX files, which takes a quarter of a minute each."""
+    networks: list[Any] = []
+    monkeypatch.setattr("savmap.lab.train.average.export", lambda network, *others: networks.append(network))
+    return networks
 
 
 @pytest.mark.extra("train")
@@ -106,6 +115,41 @@ class TestWithTorch:
         labels = torch.full((1, 20, 30), 255, dtype=torch.int64)
         labels[:, :, :10] = 1
         assert torch.all(edge_weights(labels) == 1)
+
+    def test_the_mean_of_checkpoints(self, tmp_path: Path, exported: list[Any]) -> None:
+        import torch
+
+        from savmap.lab.train.average import average
+        from savmap.lab.train.checkpoint import load_checkpoint, save_checkpoint
+        from savmap.lab.train.network import build
+
+        networks = [build(1, None), build(1, None)]
+        files = [tmp_path / "a.pt", tmp_path / "b.pt"]
+        for path, network in zip(files, networks, strict=True):
+            save_checkpoint(path, network, ["column"], [{"steps": path.stem}])
+        for weights, share in (([], 0.5), ([1.0, 3.0], 0.75)):
+            recipe = average(files, ["column"], tmp_path / "m.onnx", weights=weights)
+            assert recipe["earlier"] == [{"steps": "b"}]
+            assert recipe.get("weights", []) == weights
+            mean = load_checkpoint(tmp_path / "m.checkpoint.pt", ["column"])[0].parameters()
+            for first, second, both in zip(*(one.parameters() for one in networks), mean, strict=True):
+                assert torch.allclose(first + share * (second - first), both, atol=1e-6)
+        assert len(exported) == 2
+        with pytest.raises(OutputError, match=r"--weights: give one above 0 for each of the 2 files"):
+            average(files, ["column"], tmp_path / "n.onnx", weights=[1])
+        with pytest.raises(OutputError, match=r"a\.pt: is for column, not for crossbar"):
+            average(files, ["crossbar"], tmp_path / "n.onnx")
+        assert not (tmp_path / "n.onnx").exists()
+
+    def test_the_mean_of_files(self, tmp_path: Path, exported: list[Any]) -> None:
+        from savmap.lab.train.average import average
+        from savmap.lab.train.trainer import predictor
+        from savmap.vision.networks.segmenter import Segmenter
+
+        average([MODELS["lights"]] * 2, ["light"], tmp_path / "mean.onnx")
+        picture = np.random.default_rng(0).integers(0, 255, (480, 640, 3)).astype(np.uint8)
+        once, twice = Segmenter(MODELS["lights"]).probabilities(picture), predictor(exported[0])(picture)
+        assert np.allclose(once, twice, atol=1e-3)
 
     def test_not_a_checkpoint(self, tmp_path: Path) -> None:
         import torch
