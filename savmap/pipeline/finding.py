@@ -153,7 +153,7 @@ class Finder:
         mapped = [item for item in objects if item.is_mapped]
         outlines = [np.zeros((0, 3)), *(item.outline for item in mapped)]
         floor = self._floor(path, np.concatenate(outlines)) if on_floor else None
-        if floor is not None and any(item.outline[:, 1].max() < floor.y for item in mapped):
+        if floor is not None and lies_below(floor.y, mapped):
             objects = self.plugin.find(evidence, path, points, self.facts, floor.y)
             mapped = [item for item in objects if item.is_mapped]
         return self._with(measurements, objects, [*self._features(mapped, path)])
@@ -221,6 +221,15 @@ class Finder:
         for packed in self.packed_views:
             if (pose := poses.get(packed.frame)) is not None:
                 yield packed, pose, [item for item in objects if is_near(item, pose[:3, 3], along)]
+
+
+def lies_below(y: float, objects: Sequence[FoundObject]) -> bool:
+    """Whether some objects lie below a height that nothing beside them reaches through: what does stands on no floor
+    there."""
+    spans = np.array([[item.outline[:, 1].min(), item.outline[:, 1].max()] for item in objects]).reshape(-1, 2)
+    below = spans[:, 1] < y
+    through = ~below & (spans[:, 0] < np.max(spans[below, 1], initial=-np.inf))
+    return bool(below.any() and not through.any())
 
 
 def is_near(item: FoundObject, camera: Floats, along: Floats) -> bool:

@@ -15,7 +15,7 @@ from savmap.files.journal import Journal
 from savmap.geometry import pinhole
 from savmap.graph import References
 from savmap.pipeline import finding
-from savmap.pipeline.finding import find_structures, is_near, uncertain_objects
+from savmap.pipeline.finding import find_structures, is_near, lies_below, uncertain_objects
 from savmap.pipeline.records import RowMeasurements, RowRequest, WalkedRow, strips_of
 from savmap.plugin.manager import LoadedPlugin, loaded_plugin
 from savmap.types import (
@@ -226,6 +226,17 @@ def test_what_is_less_likely_than_not_is_found_and_not_measured() -> None:
 
 
 @pytest.mark.parametrize(("y", "again"), [(0.7, True), (0.3, False)])
+def test_a_height_that_something_reaches_through_is_no_floor() -> None:
+    def spanning(low: float, high: float) -> FoundObject:
+        corners = np.array([[0.0, low, 0.0], [1.0, low, 0.0], [1.0, high, 0.0], [0.0, high, 0.0]])
+        return FoundObject("light 1", "light", corners, 1.0)
+
+    beside, lowest, above = spanning(0.0, 3.0), spanning(0.2, 0.3), spanning(1.0, 1.1)
+    assert lies_below(0.7, [lowest, above])
+    assert not lies_below(0.7, [beside, lowest, above])
+    assert not lies_below(0.1, [lowest, above])
+
+
 def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     monkeypatch: pytest.MonkeyPatch, y: float, again: bool
 ) -> None:
