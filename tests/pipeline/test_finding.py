@@ -225,7 +225,6 @@ def test_what_is_less_likely_than_not_is_found_and_not_measured() -> None:
     assert [thing.probability for thing in measured.objects["one"]] == [1.0, 0.4]
 
 
-@pytest.mark.parametrize(("y", "again"), [(0.7, True), (0.3, False)])
 def test_a_height_that_something_reaches_through_is_no_floor() -> None:
     def spanning(low: float, high: float) -> FoundObject:
         corners = np.array([[0.0, low, 0.0], [1.0, low, 0.0], [1.0, high, 0.0], [0.0, high, 0.0]])
@@ -237,6 +236,7 @@ def test_a_height_that_something_reaches_through_is_no_floor() -> None:
     assert not lies_below(0.1, [lowest, above])
 
 
+@pytest.mark.parametrize(("y", "again"), [(0.7, True), (0.3, False)])
 def test_what_reaches_below_the_floor_is_looked_for_again_with_the_floor(
     monkeypatch: pytest.MonkeyPatch, y: float, again: bool
 ) -> None:
