@@ -125,14 +125,14 @@ class Lights:
 
     @hookimpl
     def warnings(self, structures: Sequence[Structure]) -> list[door.MapWarning]:
-        """What shines on the lamps' line, is none of them, and was seen as often as they were; and lamps of which an end
-        was not seen that others lie beyond."""
+        """What shines on the lamps' line, is none of them, and was seen as often as they were; and lamps of which an
+        end was not seen that others lie beyond."""
         lights = [
             (float(lamp.attributes[LIGHT_BESIDE]), lamp) for lamp in structures if LIGHT_BESIDE in lamp.attributes
         ]
         places = [(x, *centre_of(lamp)[0, 1:].tolist()) for x, lamp in lights]
-        beside = [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
-        return [*beside, *map(_not_known, without_inner_end(structures))]
+        shining = [door.MapWarning("incomplete-map", (self.name,), f"light at x {at[0]:.2f} m", at) for at in places]
+        return [*shining, *map(_not_known, without_inner_end(structures))]
 
     @hookimpl
     def cross_row_landmarks(self, structures: Sequence[Structure]) -> list[door.CrossRowLandmark]:

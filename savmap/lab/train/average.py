@@ -27,12 +27,13 @@ def average(
     output: Path,
     weights: Sequence[float] = (),
 ) -> Mapping[str, object]:
-    """Write the mean network (ONNX, and a checkpoint beside it); returns its recipe. `weights`: how much each file counts
-    for, all alike without.
+    """Write the mean network (ONNX, and a checkpoint beside it); returns its recipe. `weights`: how much each file
+    counts for, all alike without.
 
     All files are checkpoints, or all are ONNX files of `savmap train`, in which normalisations are folded. The history
     is that of the last. Raises OutputError for a file that is not a checkpoint of a network for these classes, in this
-    order, and for weights that are not one for each file, all above 0; ModelError for an ONNX file that is none of ours.
+    order, and for weights that are not one for each file, all above 0; ModelError for an ONNX file that is none of
+    ours.
     """
     if weights and (len(weights) != len(checkpoints) or min(weights) <= 0):
         raise OutputError(f"--weights: give one above 0 for each of the {len(checkpoints)} files")
