@@ -113,7 +113,7 @@ class Structure:
         assumed = np.zeros(len(self.vertices), bool)
         for text in (self.attributes[key] for key in ENDS if isinstance(self.attributes.get(key), str)):
             words = set(str(text).split())
-            named = np.array([label in str(text) for label in self.vertex_labels], bool)
+            named = np.array([f" {label} " in f" {text} " for label in self.vertex_labels], bool)
             if not named.any():
                 named = np.array([bool(words.intersection(label.split())) for label in self.vertex_labels], bool)
             assumed |= named if named.any() else True
