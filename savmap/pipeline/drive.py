@@ -414,7 +414,7 @@ class RowWalk:
         else:
             monitor.note(f"row {self.name}, {name}: choosing the views")
             attitude = self.request.attitudes.get(name)
-            self.plan, _ = plan_pass(name, row_pass, self.plugins, self.segmenters, self.renderer, attitude)
+            self.plan = plan_pass(name, row_pass, self.plugins, self.segmenters, self.renderer, attitude)
         self.keys, self.fronts, self._region = [], [], None
         self.views |= {spec.name: spec for spec in self.plan.views().values()}
         self.travel[name] = self.plan.travel()

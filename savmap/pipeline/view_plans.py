@@ -71,10 +71,10 @@ def plan_pass(
     segmenters: SegmenterPool,
     renderer: Renderer,
     attitude: Floats | None,
-) -> tuple[PassPlan, PassPreview]:
+) -> PassPlan:
     """Look at a pass, and plan its views as `plan_shown` does."""
     row_pass, pass_preview, walk = looked_at(row_pass, renderer)
-    return plan_shown(name, row_pass, plugins, pass_preview, attitude, walk, segmenters), pass_preview
+    return plan_shown(name, row_pass, plugins, pass_preview, attitude, walk, segmenters)
 
 
 def plan_shown(

@@ -115,12 +115,9 @@ def _likeness(first: Grey, second: Grey) -> float:
 def _is_broken(pictures: Sequence[Grey], step: float = BROKEN, unlike: float = UNLIKE) -> bool:
     """Whether the left and right edges do not meet in most pictures: what stands at the seam may look so in a few. A
     step of exposure alone does not break them."""
-    broken = [
-        seam_step(picture) > step and seam_likeness(picture) < unlike
-        for picture in pictures
-        if np.isfinite([seam_step(picture), seam_likeness(picture)]).all()
-    ]
-    return bool(broken) and float(np.mean(broken)) > 0.5
+    seams = np.array([(seam_step(picture), seam_likeness(picture)) for picture in pictures]).reshape(-1, 2)
+    seams = seams[np.isfinite(seams).all(axis=1)]
+    return bool(2 * np.count_nonzero((seams[:, 0] > step) & (seams[:, 1] < unlike)) > len(seams))
 
 
 def seam_step(picture: Grey) -> float:

@@ -284,7 +284,7 @@ def test_where_an_earlier_map_has_frames_these_are_measured(filmed: list[Panoram
 def test_each_pass_has_a_path_of_its_own(filmed: list[Panorama], whole: WalkedRow, monkeypatch: Any) -> None:
     walk = walk_of()
     plan = replace(walk.plan, name="pass 2")
-    monkeypatch.setattr(drive, "plan_pass", lambda *_: (plan, None))
+    monkeypatch.setattr(drive, "plan_pass", lambda *_: plan)
     driven([walk], filmed)
     walk.begin("pass 2", walk.request.passes[0], SilentMonitor())
     (row,) = driven([walk], filmed[:9])

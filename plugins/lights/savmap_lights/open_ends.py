@@ -90,7 +90,7 @@ def _opened(lamp: Structure, seen_to: float, length: float | None, lamps: Sequen
 
 
 def without_inner_end(lamps: Sequence[Structure]) -> list[Structure]:
-    """The lamps of which nothing tells where they end towards another one. Where the outermost end is out of view."""
+    """The lamps of which an end towards another lamp was not seen. The outermost end of a line may be out of view."""
     middles = np.array([lamp.vertices[:, 0].mean() for lamp in lamps])
     return [
         lamp

@@ -132,7 +132,7 @@ def aimed_recordings(job: Job, plugin: str, count: int, monitor: Monitor) -> lis
         loaded = next(loaded for loaded in opened if loaded.name == plugin)
         for name, row_pass in zip(pass_names(content.passes), content.passes, strict=True):
             monitor.note(f"row {row}, {name}: aiming the views")
-            aimed, _ = plan_pass(name, row_pass, opened, segmenters, renderer, None)
+            aimed = plan_pass(name, row_pass, opened, segmenters, renderer, None)
             specs = [spec for (whose, _), spec in aimed.views().items() if whose == plugin]
             frames = expected_frames(aimed.clip, probe_clip(aimed.clip))
             recordings.append(Recording(row, loaded, aimed, specs, frames))

@@ -157,9 +157,9 @@ def test_all_recordings_are_as_far_from_one_another(recording: Recording) -> Non
 def test_no_more_views_are_looked_at_than_six_for_each_that_is_wanted(
     recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def aimed(name: str, one: Pass, *_: object) -> tuple[PassPlan, None]:
+    def aimed(name: str, one: Pass, *_: object) -> PassPlan:
         views = (SPEC,) if one.start_s == 0 else ()
-        return PassPlan(name, recording.aimed.clip, {"posts": ViewPlan(views)}), None
+        return PassPlan(name, recording.aimed.clip, {"posts": ViewPlan(views)})
 
     monkeypatch.setattr("savmap.lab.label.run.plugins_for", lambda *_: [ROOM])
     monkeypatch.setattr("savmap.lab.label.run.SegmenterPool", lambda _: None)
