@@ -86,7 +86,7 @@ def test_a_picture_is_seen_once(network: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_a_provider_that_is_not_there_is_noted(network: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session.onnxruntime, "get_available_providers", lambda: ["CPUExecutionProvider"])
     (note,) = SegmenterPool([plugin_with(network, {"post": "pillar"}, asked=("tensorrt",))]).notes
-    assert "tensorrt not in this onnxruntime" in note
+    assert "tensorrt not in this installation" in note
     assert note.endswith("it runs on cpu")
 
 

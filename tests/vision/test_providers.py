@@ -17,7 +17,7 @@ from savmap.vision.networks.session import PROVIDERS, choose, file_for, open_net
 from .test_segmenter import GOOD, HEIGHT, WIDTH, write_model
 
 CPU, CUDA, TENSORRT = "CPUExecutionProvider", "CUDAExecutionProvider", "TensorrtExecutionProvider"
-OPENVINO, COREML = "OpenVINOExecutionProvider", "CoreMLExecutionProvider"
+OPENVINO, COREML = "OpenVINO", "CoreMLExecutionProvider"
 REAL = onnxruntime.InferenceSession
 
 
@@ -59,11 +59,11 @@ class Fake:
     start: Sequence[str]
     silent: bool
 
-    def __init__(self, path: str, settings: Any, providers: list[tuple[str, Any]], enable_fallback: int) -> None:
-        Fake.files.append(f"{Path(path).name} on {providers[0][0]}")
-        if providers[0][0] not in Fake.start and not Fake.silent:
+    def __init__(self, path: str, settings: Any, providers: list[str], enable_fallback: int) -> None:
+        Fake.files.append(f"{Path(path).name} on {providers[0]}")
+        if providers[0] not in Fake.start and not Fake.silent:
             raise RuntimeError("CUDA driver version is insufficient\nfor the runtime")
-        self.own = [name for name, _ in providers if name in Fake.start]
+        self.own = [name for name in providers if name in Fake.start]
         self.real = REAL(path, settings, providers=[CPU])
 
     def get_providers(self) -> list[str]:
@@ -109,11 +109,11 @@ def test_the_next_one_asked_for_takes_over_and_is_what_runs(model: Path, silent:
 
 
 def test_missing_and_failing_providers_are_both_reported(model: Path) -> None:
-    assert choose(("tensorrt",), [OPENVINO, CPU]).note == "tensorrt not in this onnxruntime, which has cpu, openvino"
+    assert choose(("tensorrt",), [OPENVINO, CPU]).note == "tensorrt not in this installation, which has cpu, openvino"
     Fake.start, Fake.silent = [CPU], True
     network = open_network(model, 1, ("openvino", "cuda"), [CUDA, CPU])
     assert (network.provider, network.path.name) == ("cpu", "m.int8.onnx")
-    assert "openvino not in this onnxruntime, which has cpu, cuda; cuda does not start here; it runs" in network.note
+    assert "openvino not in this installation, which has cpu, cuda; cuda does not start here; it runs" in network.note
 
 
 def test_a_broken_file_is_the_same_error_whatever_the_provider(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ class FaceReader:
         if not (self.uprights.weight > 0).any():
             return None
         upright = self.ratios(self.uprights, "upright")
-        posts, (bottom, top) = self._posts(upright)
+        posts, (bottom, top), ratios = self._posts(upright)
         if len(posts.cells) < 2:
             return None
         between = self.sections_between(posts, top)
@@ -107,9 +107,9 @@ class FaceReader:
         cell = self.uprights.patch.cell
         rows = slice(bottom, top)
         width, thickness = (None if size is None else size / cell for size in self.sizes)
-        (places,) = measured_members([posts], [self.means(self.uprights, "upright")[rows].T], width)
+        (places,) = measured_members([posts], [self.means(self.uprights, "upright")[rows].T], [ratios[rows].T], width)
         shown = [self.means(self.beams, "beam")[first:, slice(*span)] for span in between.spans]
-        levels = measured_members(sections, shown, thickness)
+        levels = measured_members(sections, shown, between.painted(between.paint(sections)), thickness)
         return Face(
             tuple(
                 Member(float(place[0] * cell), float(place[1] * cell), likely)
@@ -131,17 +131,17 @@ class FaceReader:
         """Mean scores (rows, columns), the lowest row first."""
         return np.asarray(evidence.of(label)[::-1], np.float64)
 
-    def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int]]:
-        """Posts, and the rows between which they show; by their paint, too, once they are known by the scores."""
+    def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int], Floats]:
+        """Posts, the rows between which they show, and the cells' ratios; by their paint, too, once they are known by
+        the scores."""
         posts, rows, usual = self._read_posts(ratios, (0, len(ratios)), None)
         for _ in range(ROUNDS - 2):
             posts, rows, usual = self._read_posts(ratios, rows, usual)
         if len(posts.cells) < 2:
-            return posts, rows
-        posts, rows, _ = self._read_posts(
-            ratios + self.parameters.paint * self.paint_of_posts(posts, rows), rows, usual
-        )
-        return posts, rows
+            return posts, rows, ratios
+        ratios = ratios + self.parameters.paint * self.paint_of_posts(posts, rows)
+        posts, rows, _ = self._read_posts(ratios, rows, usual)
+        return posts, rows, ratios
 
     def _read_posts(
         self, ratios: Floats, rows: tuple[int, int], usual: float | None
@@ -251,20 +251,25 @@ class Sections:
 
     def shown(self, paint: Sequence[Floats] | None) -> list[Floats]:
         """Scores (n, w) of intervals in each section by its cells, with what paint adds to their ratios."""
+        return [self.reader.scores(ratios, self.widths) for ratios in self.painted(paint)]
+
+    def painted(self, paint: Sequence[Floats] | None) -> list[Floats]:
+        """Log-likelihood ratios (n, m) of each section's cells, with what paint adds to them."""
         weight = self.reader.parameters.paint
         return [
-            self.reader.scores(
-                self.ratios[:, slice(*span)] + (weight * paint[k][:, slice(*span)] if paint else 0.0), self.widths
-            )
+            self.ratios[:, slice(*span)] + (weight * paint[k][:, slice(*span)] if paint else 0.0)
             for k, span in enumerate(self.spans)
         ]
 
     def paint(self, sections: Sequence[Intervals]) -> list[Floats]:
-        """What paint says of each section's cells (n, columns), by the sure members of the others."""
+        """What paint says of each section's cells (n, columns), by the sure members of the others that are about as
+        thick as usual: one that is thicker is not all beam."""
         members, groups = np.zeros((2, len(sections), *self.picture.shape[:2]), np.bool_)
+        usual = usual_width(sections) or 0.0
         for number, (section, span) in enumerate(zip(sections, self.spans, strict=True)):
             groups[number, :, slice(*span)] = True
-            for low, high in section.cells[section.score > SURE].tolist():
+            alike = np.diff(section.cells, axis=1)[:, 0] <= max((1 + UNEVEN) * usual, usual + 1)
+            for low, high in section.cells[(section.score > SURE) & alike].tolist():
                 members[number, low:high, slice(*span)] = True
         return paint_ratios(self.picture, [*members], [*groups], self.reader.parameters.paint_limit)
 
@@ -320,12 +325,12 @@ def _possible(intervals: Intervals, first: int, cell: float) -> Iterator[Member]
 
 
 def measured_members(
-    intervals: Sequence[Intervals], scores: Sequence[Floats], solved: float | None
+    intervals: Sequence[Intervals], scores: Sequence[Floats], ratios: Sequence[Floats], solved: float | None
 ) -> list[list[Floats]]:
     """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells:
     where the score falls to half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits
-    its scores best: something hides one of its borders or adjoins it. Scores are blurred; where the usual width was
-    `solved`, in cells, all members become thinner by as much."""
+    its cells' log-likelihood ratios (n, m) best: something hides one of its borders or adjoins it. Scores are blurred;
+    where the usual width was `solved`, in cells, all members become thinner by as much."""
     usual = usual_width(intervals) or 1.0
     measured = [
         [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
@@ -337,25 +342,24 @@ def measured_members(
     thinner = blur / 2 * np.array([1.0, -1.0])
     return [
         [
-            (member if abs(member[1] - member[0] - usual) < room else placed(line, member, usual)) + thinner
+            (member if abs(member[1] - member[0] - usual) < room else placed(line, likely, member, usual)) + thinner
             for member in members
         ]
-        for members, line in zip(measured, scores, strict=True)
+        for members, line, likely in zip(measured, scores, ratios, strict=True)
     ]
 
 
-def profile_across(scores: Floats, low: int, high: int) -> Floats:
-    """Scores (n,) across a member, where along it its middle shows."""
+def along(scores: Floats, low: int, high: int) -> Bools:
+    """Where along a member (m,) its middle shows."""
     third = max(1, (high - low) // 3)
     core = scores[low + (high - low - third) // 2 :][:third].mean(axis=0)
-    shown = core >= np.quantile(core, SHOWN)
-    return np.asarray(np.quantile(scores[:, shown], HIGH, axis=1))
+    return np.asarray(core >= np.quantile(core, SHOWN))
 
 
 def borders(scores: Floats, low: int, high: int) -> Floats:
     """Where the scores (n, m) across a member fall to half of its greatest (2,), in cells from the first's lower
     side."""
-    profile = profile_across(scores, low, high)
+    profile = np.quantile(scores[:, along(scores, low, high)], HIGH, axis=1)
     top = low + int(profile[low:high].argmax())
     half = profile[top] / 2
     first = next((k for k in range(top, -1, -1) if profile[k] < half), -1)
@@ -365,12 +369,12 @@ def borders(scores: Floats, low: int, high: int) -> Floats:
     return np.array([lower, upper]) + 0.5
 
 
-def placed(scores: Floats, member: Floats, usual: float) -> Floats:
-    """The borders (2,) of a member of the usual width where it gathers most of the scores about a place that is known
+def placed(scores: Floats, ratios: Floats, member: Floats, usual: float) -> Floats:
+    """The borders (2,) of a member of the usual width where its ratios (n, m) are greatest, about a place that is known
     to half of its width."""
     low, high = int(np.floor(member[0])), max(int(np.ceil(member[1])), int(np.floor(member[0])) + 1)
-    profile = profile_across(scores, max(low, 0), min(high, len(scores)))
-    summed = np.concatenate([[0.0], np.cumsum(profile - profile.max() / 2)])
+    shown = along(scores, max(low, 0), min(high, len(scores)))
+    summed = np.concatenate([[0.0], np.cumsum(np.quantile(ratios[:, shown], HIGH, axis=1))])
     room = abs(member[1] - member[0] - usual) / 2 + 1
     middles = member.mean() + np.linspace(-room, room, 41)
     cells = np.arange(len(summed))

@@ -1,17 +1,22 @@
 """ONNX files opened by onnxruntime: the files of a network, the providers that run it, and its signature.
 
 It runs on the first of the chosen execution providers that starts; the processor comes last and always starts. Without
-a choice by name: CUDA, then OpenVINO, each where the installed package of onnxruntime was built with it. TensorRT,
-which builds its engine for minutes, and CoreML, which every macOS package has, are used only if chosen by name.
+a choice by name: CUDA, where the installed package of onnxruntime was built with it, then OpenVINO, where its own
+package is installed. TensorRT, which builds its engine for minutes, and CoreML, which every macOS package has, are used
+only if chosen by name.
 """
 
 import ast
 import hashlib
+import importlib
 import json
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +35,7 @@ PROVIDERS = {
     "cpu": "CPUExecutionProvider",
     "cuda": "CUDAExecutionProvider",
     "tensorrt": "TensorrtExecutionProvider",
-    "openvino": "OpenVINOExecutionProvider",
+    "openvino": "OpenVINO",
     "coreml": "CoreMLExecutionProvider",
 }
 AUTOMATIC = ("cuda", "openvino")
@@ -81,15 +86,15 @@ class Choice:
 
 
 def choose(asked: Sequence[str], available: Sequence[str] | None = None) -> Choice:
-    """Providers to run on: those asked for that are `available` (onnxruntime's names; default: what it says), else the
-    automatic ones; the processor comes last, and does what the others cannot."""
-    installed = onnxruntime.get_available_providers() if available is None else available
+    """Providers to run on: those asked for that are `available` (by onnxruntime's names; default: what is installed),
+    else the automatic ones; the processor comes last, and does what the others cannot."""
+    installed = _installed() if available is None else available
     present = [name for name, full in PROVIDERS.items() if full in installed]
     missing = [name for name in asked if name not in present]
     chosen = [name for name in asked or AUTOMATIC if name in present]
     if "cpu" in chosen:
         chosen = chosen[: chosen.index("cpu")]
-    note = f"{' and '.join(missing)} not in this onnxruntime, which has {', '.join(present)}" if missing else ""
+    note = f"{' and '.join(missing)} not in this installation, which has {', '.join(present)}" if missing else ""
     return Choice((*chosen, "cpu"), note)
 
 
@@ -100,20 +105,19 @@ def file_for(model: Path, first: str) -> Path:
     return floating if first in FLOATING and model.name.endswith(INT8) and floating.is_file() else model
 
 
-def options(names: Sequence[str], threads: int) -> list[tuple[str, dict[str, str]]]:
-    """Providers with their settings, as onnxruntime takes them."""
-    settings = {"openvino": {"device_type": "CPU", "num_of_threads": str(threads)}}
-    return [(PROVIDERS[name], settings.get(name, {})) for name in names]
-
-
 def short(full: str) -> str:
     """The short name of one of onnxruntime's."""
     return next((name for name, provider in PROVIDERS.items() if provider == full), full)
 
 
+def _installed() -> list[str]:
+    providers: list[str] = onnxruntime.get_available_providers()
+    return [*providers, PROVIDERS["openvino"]] if find_spec("openvino") else providers
+
+
 def runtime_version() -> str:
-    """onnxruntime's version, whichever of its packages is installed."""
-    return str(onnxruntime.__version__)
+    """onnxruntime's version, whichever of its packages is installed; and OpenVINO's."""
+    return str(onnxruntime.__version__) + (f", OpenVINO {version('openvino')}" if find_spec("openvino") else "")
 
 
 @dataclass(frozen=True)
@@ -232,17 +236,19 @@ def open_network(
     notes = [choice.note] if choice.note else []
     failure: Exception | None = None
     for number, provider in enumerate(choice.names):
-        file = file_for(path, provider)
+        file, by_openvino = file_for(path, provider), provider == "openvino"
         try:
-            session = _session(file, threads, choice.names[number:])
+            session = _session(file, threads, ["cpu"] if by_openvino else choice.names[number:])
+            compiled = _compiled(file, threads) if by_openvino else None
         except Exception as error:
             failure = error
             notes.append(f"{provider} cannot run it ({_line(error)})")
             continue
-        if short(session.get_providers()[0]) == provider:
+        if compiled is not None or short(session.get_providers()[0]) == provider:
             signature = read_signature(file, session)
             note = f"{path}: {'; '.join(notes)}; it runs on {provider}" if notes else ""
-            return OpenNetwork(file, signature, _run(session, signature), provider, note)
+            run = _run(signature, compiled or partial(session.run, None))
+            return OpenNetwork(file, signature, run, provider, note)
         notes.append(f"{provider} does not start here")
     why = f" ({_line(failure)})" if failure else ""
     raise ModelError(f"{path}: not a usable ONNX model{why}; {ADVICE}") from failure
@@ -254,20 +260,33 @@ def _session(path: Path, threads: int, names: Sequence[str]) -> Any:
     settings.inter_op_num_threads = 1
     settings.log_severity_level = 4
     settings.add_session_config_entry(EXACT_INTEGERS, "1")
-    return onnxruntime.InferenceSession(str(path), settings, providers=options(names, threads), enable_fallback=0)
+    providers = [PROVIDERS[name] for name in names if name != "openvino"]
+    return onnxruntime.InferenceSession(str(path), settings, providers=providers, enable_fallback=0)
 
 
-def _run(session: Any, signature: OnnxSignature) -> Run:
+def _compiled(path: Path, threads: int) -> Callable[[Mapping[str, Any]], list[Any]]:
+    """A network as OpenVINO runs it, in float32 where it is not of integers: for as many callers at once as there are
+    processors, each in so many threads."""
+    callers = os.cpu_count() or 1
+    settings = {"NUM_STREAMS": callers, "INFERENCE_NUM_THREADS": callers * threads, "INFERENCE_PRECISION_HINT": "f32"}
+    network = importlib.import_module("openvino").Core().compile_model(str(path), "CPU", settings)
+
+    def run(inputs: Mapping[str, Any]) -> list[Any]:
+        return [*network.create_infer_request().infer(dict(inputs)).values()]
+
+    return run
+
+
+def _run(signature: OnnxSignature, network: Callable[[dict[str, Any]], list[Any]]) -> Run:
     half = bool(signature.inputs) and signature.inputs[0].kind == "tensor(float16)"
     name = signature.inputs[0].name if signature.inputs else ""
 
     def run(planes: NDArray[np.float32]) -> list[Any]:
         try:
-            outputs: list[Any] = session.run(None, {name: planes.astype(np.float16) if half else planes})
+            return network({name: planes.astype(np.float16) if half else planes})
         except Exception as error:
             size = f"{planes.shape[3]}x{planes.shape[2]}"
             raise ModelError(f"{signature.path}: cannot be run on a picture of {size} ({_line(error)})") from error
-        return outputs
 
     return run
 

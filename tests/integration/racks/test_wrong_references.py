@@ -15,6 +15,7 @@ from savmap.graph import (
     References,
     Solution,
     Stitching,
+    SurveyedPoint,
     camera_priors,
     locate_camera,
     merge,
@@ -123,6 +124,21 @@ def test_what_is_presumed_refuses_no_row(four: made.World, above: tuple[float, .
     assert (warning.code, warning.subjects) == ("doubtful-scale", ())
     assert [use.name for use in solution.references if "floor" in use.name] == []
     assert f"what was found instead is at {worst:.2f} m" in made.said(warning)
+    assert largest_error(four, solution) < 0.02
+
+
+def test_what_lies_below_all_lowest_beams_is_one_mistake_not_two(four: made.World) -> None:
+    """A kerb that is taken for the lowest beam of every bay contradicts the camera's height and a surveyed point at
+    once; still the heights are left out, all of them, and the row is mapped."""
+    rack, given = four.rack, made.references(four)
+    point = SurveyedPoint("bay 2 / beam 2 / lower left", (None, float(rack.beams[1][1, 0]), None), 0.005)
+    heights = [height + 0.4 for height in rack.lowest]
+    solution = solve(problem(four, heights, replace(given, points=(point,))))
+    [*warnings] = solution.warnings
+    assert {warning.code for warning in warnings} == {"reference-conflict"}
+    assert {name for warning in warnings for name in warning.subjects} == {
+        f"height of the lowest edge of bay {bay}" for bay in (1, 2, 3, 4)
+    }
     assert largest_error(four, solution) < 0.02
 
 

@@ -135,8 +135,22 @@ def test_a_border_that_something_adjoins_is_where_a_usual_member_ends() -> None:
     scores = np.full((60, 9), -50.0)
     scores[[7, 27, 47], [4, 8, 4]] = 9.0
     found = best_intervals([scores], np.arange(2, 11), 3)
-    (members,) = measured_members(found, [lines], 6.4)
+    (members,) = measured_members(found, [lines], [lines - 0.5], 6.4)
     assert members[0] == pytest.approx([7.1, 13.5], abs=0.2)
     assert members[2] == pytest.approx([47.1, 53.5], abs=0.2)
     assert np.diff(members[1]) == pytest.approx(6.4, abs=0.1)
     assert 27.1 - 0.2 < members[1][0] < 31.0
+
+
+def test_what_adjoins_a_border_is_told_from_it_by_its_cells_ratios() -> None:
+    """A shadow under a beam, of which the network thinks as much as of the beam; the paint says that it is none."""
+    lines = np.full((60, 12), 0.02)
+    for low, high in ((10, 14), (30, 34), (48, 54)):
+        lines[low:high] = 0.7
+    ratios = np.where(lines > 0.5, 2.0, -3.0)
+    ratios[48:50] = -1.0
+    scores = np.full((60, 9), -50.0)
+    scores[[10, 30, 48], [2, 2, 4]] = 9.0
+    found = best_intervals([scores], np.arange(2, 11), 3)
+    (members,) = measured_members(found, [lines], [ratios], None)
+    assert members[2] == pytest.approx([50, 54], abs=0.3)

@@ -152,8 +152,7 @@ def _mistaken(problem: Problem, agreed: Agreement, explained: Sequence[Names]) -
     first, for the rest to agree and to check itself; or all of them, where others agree and tell what they would have;
     none where that is not so, or where others alone explain it. A part that was taken for another says nothing against
     a row."""
-    names = {relation.name for relation in problem.relations if relation.note_if_outlier}
-    parts, out = names.intersection(agreed.all_names), frozenset[str]()
+    parts, out = _mistakable(problem, agreed), frozenset[str]()
     if explained and not any(suspects <= parts for suspects in explained):
         return out
     while not agreed.agrees(out) and parts - out and len(agreed.all_names) - len(out) > LEAST_CHECKED:
@@ -161,25 +160,39 @@ def _mistaken(problem: Problem, agreed: Agreement, explained: Sequence[Names]) -
         out |= {max(parts - out, key=lambda name: deviations[name])}
     if agreed.agrees(out):
         return out
-    every = frozenset(parts)
-    return every if agreed.agrees(every) and _is_credible(problem, agreed, every) else frozenset()
+    return parts if agreed.agrees(parts) and _is_credible(problem, agreed, parts) else frozenset()
 
 
 def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
     """The sets of references that may be wrong. What is presumed is so before anything that was given. Those passed
-    over are taken for likelier than others where that leaves enough to check one another."""
+    over are taken for likelier than others where that leaves enough to check one another; and one cause for all parts,
+    that the same thing was taken for each, than several mistakes."""
     presumed = frozenset(problem.presumed)
     if presumed and agreed.agrees(presumed) and not agreed.agrees():
         return [presumed]
     explained = agreed.explanations(presumed | _passed_over(problem, agreed))
-    enough = all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained)
-    return explained if enough else agreed.explanations(presumed)
+    if not all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained):
+        explained = agreed.explanations(presumed)
+    parts = _mistakable(problem, agreed)
+    alone = any(len(out) < 2 or out <= parts for out in explained)
+    return explained if alone or not _can_be_out(problem, agreed, parts) else [parts]
+
+
+def _mistakable(problem: Problem, agreed: Agreement) -> Names:
+    """References to parts that may have been taken for others."""
+    return frozenset(item.name for item in problem.relations if item.note_if_outlier) & {*agreed.all_names}
+
+
+def _can_be_out(problem: Problem, agreed: Agreement, out: Names) -> bool:
+    """Whether the rest agrees without these, checks itself, and tells what they would have."""
+    enough = len(agreed.all_names) - len(out) >= LEAST_CHECKED
+    return enough and agreed.agrees(out) and _is_credible(problem, agreed, out)
 
 
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
     """References that seem to be of something that was not seen, the next one up in its place: at most half of those of
     their kind. Goods hide the lowest beams of several bays as easily as that of one."""
-    kind = {relation.name for relation in problem.relations if relation.note_if_outlier} & {*agreed.all_names}
+    kind = _mistakable(problem, agreed)
     higher = frozenset(name for name in kind if agreed.off[agreed.at(name)[0]] > REFUTED_M)
     return higher if 2 * len(higher) <= len(kind) else frozenset()
 
