@@ -94,11 +94,6 @@ BENCHES: Mapping[str, Bench] = {
         3,
         {"posts": "more", "beams": "more", "spread %": "less", "inner %": "less", "refused": "less"},
     ),
-    "face-edges": Bench(
-        "Are the faces beside a drive and their posts found by straight edges alone, with no network?",
-        16,
-        {"plane %": "more", "first %": "more", "wrong": "less", "least": "more", "other": "less"},
-    ),
     "adapt": Bench(
         "Does `savmap adapt` teach a network a style without labels?",
         400,

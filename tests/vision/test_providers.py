@@ -11,6 +11,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from savmap.errors import ModelError
+from savmap.plugin.manager import load_class
 from savmap.vision.networks.segmenter import Segmenter
 from savmap.vision.networks.session import PROVIDERS, choose, file_for, open_network
 
@@ -163,3 +164,15 @@ def whitest(path: Path) -> Path:
     )
     path.write_bytes(model.SerializeToString())
     return path
+
+
+@pytest.mark.extra("fast")
+def test_openvino_gives_what_onnxruntime_gives() -> None:
+    shelves = load_class("shelves").model
+    rng = np.random.default_rng(0)
+    picture = np.kron(rng.integers(0, 256, (12, 16, 3), dtype=np.uint8), np.ones((40, 40, 1), np.uint8))
+    by_openvino, by_processor = (Segmenter(shelves, providers=(name,)) for name in ("openvino", "cpu"))
+    assert by_openvino.provider == "openvino"
+    first, second = (segmenter.probabilities(picture) for segmenter in (by_openvino, by_processor))
+    assert np.abs(first - second).mean() < 0.002
+    assert (first.argmax(axis=0) == second.argmax(axis=0)).mean() > 0.995
