@@ -134,7 +134,7 @@ class FaceReader:
     def _posts(self, ratios: Floats) -> tuple[Intervals, tuple[int, int], Floats]:
         """Posts, the rows between which they show, and the cells' ratios; by their paint, too, once they are known by
         the scores."""
-        posts, rows, usual = self._read_posts(ratios, (0, len(ratios)), None)
+        posts, rows, usual = self._read_posts(ratios, first_extent(ratios), None)
         for _ in range(ROUNDS - 2):
             posts, rows, usual = self._read_posts(ratios, rows, usual)
         if len(posts.cells) < 2:
@@ -297,6 +297,17 @@ def extent(ratios: Floats, posts: Intervals) -> tuple[int, int]:
     summed = np.concatenate([[0.0], np.cumsum(np.clip(along, -2, 2))])
     last = int((summed - np.minimum.accumulate(summed)).argmax())
     return int(summed[: last + 1].argmin()), last
+
+
+def first_extent(ratios: Floats) -> tuple[int, int]:
+    """The rows between which most columns with posts show them, before these are known: of each column the stretch with
+    the greatest sum of ratios (rows, columns). A view may be many times as high as a rack."""
+    summed = np.cumsum(np.clip(np.pad(ratios, ((1, 0), (0, 0))), -2, 2), axis=0)
+    gains = summed - np.minimum.accumulate(summed, axis=0)
+    last, most = gains.argmax(axis=0), gains.max(axis=0)
+    strong = np.flatnonzero(most > most.max() / 2)
+    first = [int(summed[: last[column] + 1, column].argmin()) for column in strong.tolist()]
+    return (int(np.median(first)), int(np.median(last[strong]))) if first else (0, len(ratios))
 
 
 def lower_end(scores: Floats, posts: Intervals, bottom: int) -> float:

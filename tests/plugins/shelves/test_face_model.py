@@ -9,7 +9,7 @@ from painted_face import CELL, DISTANCE, LEVELS, PAINTED, POSTS, Band, PaintedFa
 
 from savmap.types import Floats
 from savmap.vision.evidence.intervals import best_intervals
-from savmap_shelves.face_model import Face, FaceReader, Member, measured_members
+from savmap_shelves.face_model import Face, FaceReader, Member, first_extent, measured_members
 from savmap_shelves.likelihood import fitted
 from savmap_shelves.paint import paint_ratios
 
@@ -154,3 +154,11 @@ def test_what_adjoins_a_border_is_told_from_it_by_its_cells_ratios() -> None:
     found = best_intervals([scores], np.arange(2, 11), 3)
     (members,) = measured_members(found, [lines], [ratios], None)
     assert members[2] == pytest.approx([50, 54], abs=0.3)
+
+
+def test_posts_that_fill_a_small_part_of_a_high_view_are_read() -> None:
+    """A near face is looked at from 80 degrees below to 80 above: posts are a seventh of what is seen there."""
+    ratios = np.full((700, 40), -4.0)
+    ratios[90:190, [5, 6, 20, 21, 34, 35]] = 3.0
+    assert first_extent(ratios) == (90, 190)
+    assert first_extent(np.full((700, 40), -4.0)) == (0, 700)

@@ -49,14 +49,13 @@ class Body:
     reach: Floats
 
 
-def strips(grey: Singles, seeds: Sequence[Seed], varying: Sequence[float] = VARYING) -> list[Body]:
-    """The strips that seeds are parts of, whose brightness may vary by so much; in a line of light, each up to its
-    joints."""
+def strips(grey: Singles, seeds: Sequence[Seed]) -> list[Body]:
+    """The strips that seeds are parts of; in a line of light, each up to its joints."""
     bodies: list[Body] = []
     taken: set[int] = set()
     for seed in seeds:
         if seed.number not in taken:
-            line = _strip(grey, seed, seeds, varying)
+            line = _strip(grey, seed, seeds)
             bodies += [body for body in line if not any(overlap(body, other) for other in bodies)]
             taken |= {number for body in line for number in body.numbers}
     return [replace(body, instance=FIRST_STRIP + number) for number, body in enumerate(bodies)]
@@ -69,13 +68,13 @@ def overlap(body: Body, other: Body) -> bool:
     return _within(offset, long.axis, long.width, 0.0, length_of(long))
 
 
-def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed], varying: Sequence[float]) -> list[Body]:
+def _strip(grey: Singles, seed: Seed, seeds: Sequence[Seed]) -> list[Body]:
     """The strip of a seed, with those that continue it: the first that shows both ends, else that with most ends, then
     the longest, of all axes and of two tolerances to how much its brightness may vary, which is little where the
     ceiling beside it is nearly as bright."""
     best: list[Body] = []
     for axis in _axes(seed, seeds):
-        for varies in varying:
+        for varies in VARYING:
             line = _along(grey, replace(seed, level=seed.level - varies), axis, seeds)
             if line and _worth(line) == BOTH_ENDS:
                 return line
@@ -89,19 +88,6 @@ def _size(line: Sequence[Body]) -> tuple[int, float]:
 
 def _worth(line: Sequence[Body]) -> int:
     return sum(end is not None for end in line[0].ends)
-
-
-def without_hidden_ends(grey: Singles, body: Body) -> Body:
-    """A strip that was found in another picture, without the ends that something which runs across hides in the
-    picture's brightness."""
-    middle = body.reach.mean(axis=0)
-    hides = [
-        end is not None and is_covered(grey, middle, body.axis, body.width, float((end - middle) @ body.axis), outward)
-        for end, outward in zip(body.ends, (-1, 1), strict=True)
-    ]
-    first, second = (None if hidden else end for end, hidden in zip(body.ends, hides, strict=True))
-    covered = tuple(end for end, hidden in zip(body.ends, hides, strict=True) if end is not None and hidden)
-    return replace(body, ends=(first, second), covered=(*body.covered, *covered))
 
 
 def length_of(body: Body) -> float:
