@@ -1,8 +1,8 @@
 """Where to look: the view of a pass that faces the rack. Paper, section III.B.
 
 A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
-uprights in its middle are shown from end to end. Of a low rack close by it then shows a single upright at a time, finely:
-all frames together show the bays.
+uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way.
+Such a view is widened until it mostly shows two; where none does, it stays fine: all frames together show the bays.
 """
 
 from collections import OrderedDict
@@ -19,6 +19,7 @@ from savmap.vision.view_planning import (
     PassPreview,
     Side,
     choose_face,
+    fit_count,
     fit_height,
     tilted,
 )
@@ -30,6 +31,7 @@ LEAST_UPRIGHT, FITTED, LOWEST = 0.5, 0.9, 0.4
 often sees less), which is as high as the longest fills so much of, but no lower than that share of the picture."""
 LEAST_BEAM_PX, LEAST_ASPECT = 20.0, 1.5
 """Shorter masks, or those less elongated, are no beams."""
+MOST_FRAMES = 0.6
 CACHED_VIEWS = 20
 SEEN_TOO = 0.3
 """A face on the other hand that scores so large a share of the best one's is a rack, too."""
@@ -60,8 +62,9 @@ def aim_at_face(
     if whole.warning and manual_face == Manual():
         notes = (*which_hand(face, side), "view face: too high for one view, two are used")
         return ViewPlan(halves(face), face.world_from_rig, face.travel, notes)
+    wide = widened(pass_preview, whole.spec, lambda view: len(uprights_in(predict(view), view.spec)), manual_face)
     notes = (*which_hand(face, side), *([whole.warning] if whole.warning else []))
-    return ViewPlan((whole.spec,), face.world_from_rig, face.travel, notes)
+    return ViewPlan((wide,), face.world_from_rig, face.travel, notes)
 
 
 def which_hand(face: Face, side: Side | None) -> tuple[str, ...]:
@@ -96,6 +99,16 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
     Neither shows the point that its verticals lead to: there, edges side by side look like askew edges.
     """
     return tuple(tilted(face, pitch, HALF_HFOV_DEG, name) for name, pitch in HALVES.items())
+
+
+def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> ViewSpec:
+    """The view, or the narrowest wider one that shows two uprights in most key frames; as it is where none does: a view
+    so wide would be too coarse, and all frames together show the bays."""
+    shown = [count(view) for view in pass_preview.views(spec)]
+    if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
+        return spec
+    fitted = fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
+    return spec if fitted.warning else fitted.spec
 
 
 def face_likeness(detections: Sequence[Detection], spec: ViewSpec) -> float:

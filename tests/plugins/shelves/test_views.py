@@ -1,4 +1,4 @@
-"""The face's view: two views where one cannot hold the height."""
+"""The face's view: widened where it would show one upright at a time, two views where one cannot hold the height."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ import pytest
 from savmap.errors import StructureError
 from savmap.geometry import pinhole
 from savmap.types import Detection, Panorama, View, ViewPlan, ViewSpec
-from savmap.vision.view_planning import Face, PassPreview, Side
+from savmap.vision.view_planning import Face, Manual, PassPreview, Side
 from savmap.vision.views import Renderer
 from savmap_shelves import views
 from savmap_shelves.plugin import Shelves
 from savmap_shelves.settings import ShelvesSettings
-from savmap_shelves.views import cached, face_likeness, halves, uprights_in, which_hand
+from savmap_shelves.views import cached, face_likeness, halves, uprights_in, which_hand, widened
 
 SPEC = ViewSpec("face", 10.0, 5.0, 0.0, 70.0)
 
@@ -33,6 +33,10 @@ def test_the_face_is_looked_at_as_often_as_is_set(
     assert [(spec.name, spec.every) for spec in plan.views] == [("face", every), ("face low", every)]
 
 
+def two_from(hfov_deg: float, view: View) -> int:
+    return 2 if view.spec.hfov_deg >= hfov_deg else 1
+
+
 def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(pass_preview: PassPreview) -> None:
     looked = []
 
@@ -45,6 +49,28 @@ def test_a_view_that_was_looked_at_lately_is_not_looked_at_again(pass_preview: P
         for view in pass_preview.views(replace(SPEC, hfov_deg=hfov)):
             assert seen(view) == []
     assert looked == [hfov for hfov in (70, 80, 90, 100, 110, 70) for _ in pass_preview.keys]
+
+
+def test_a_view_that_shows_one_upright_at_a_time_is_widened(pass_preview: PassPreview) -> None:
+    spec = widened(pass_preview, SPEC, lambda view: two_from(100.0, view), Manual())
+    assert 100.0 <= spec.hfov_deg <= 106.0
+    assert (spec.yaw_deg, spec.pitch_deg) == (SPEC.yaw_deg, SPEC.pitch_deg)
+
+
+def test_a_view_that_mostly_shows_two_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 1 + (view.frame != 2), Manual()) == SPEC
+
+
+def test_a_field_of_view_given_by_hand_stays(pass_preview: PassPreview) -> None:
+    assert widened(pass_preview, SPEC, lambda view: 0, Manual(hfov_deg=70.0)) == SPEC
+
+
+def test_where_no_view_is_wide_enough_it_stays_fine(pass_preview: PassPreview) -> None:
+    def in_few_pictures(view: View) -> int:
+        return 2 if view.frame == pass_preview.keys[0].frame else 1
+
+    assert widened(pass_preview, SPEC, in_few_pictures, Manual()) == SPEC
+    assert widened(pass_preview, SPEC, lambda view: 1, Manual()) == SPEC
 
 
 def test_a_pass_that_shows_no_rack_at_all_is_refused(
