@@ -2,7 +2,7 @@
 
 A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
 uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way.
-Such a view is widened until it mostly shows two; where none does, it stays fine: all frames together show the bays.
+Such a view is widened until it mostly shows two, but not until it is coarser than the evidence of all frames.
 """
 
 from collections import OrderedDict
@@ -23,6 +23,7 @@ from savmap.vision.view_planning import (
     fit_height,
     tilted,
 )
+from savmap_shelves.find import CELL
 
 Predict = Callable[[View], list[Detection]]
 MAX_SLOPE = 0.2
@@ -102,13 +103,13 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
 
 
 def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> ViewSpec:
-    """The view, or the narrowest wider one that shows two uprights in most key frames; as it is where none does: a view
-    so wide would be too coarse, and all frames together show the bays."""
+    """The view, or the narrowest wider one that shows two uprights in most key frames; the widest where none does:
+    frames that see a beam aslant see it behind goods. A cell of the evidence is at least two pixels in its middle."""
     shown = [count(view) for view in pass_preview.views(spec)]
     if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
         return spec
-    fitted = fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
-    return spec if fitted.warning else fitted.spec
+    widest = float(np.degrees(2 * np.arctan(spec.width * CELL / 4)))
+    return fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg, largest_deg=widest).spec
 
 
 def face_likeness(detections: Sequence[Detection], spec: ViewSpec) -> float:

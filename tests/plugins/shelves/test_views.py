@@ -65,12 +65,13 @@ def test_a_field_of_view_given_by_hand_stays(pass_preview: PassPreview) -> None:
     assert widened(pass_preview, SPEC, lambda view: 0, Manual(hfov_deg=70.0)) == SPEC
 
 
-def test_where_no_view_is_wide_enough_it_stays_fine(pass_preview: PassPreview) -> None:
+def test_no_view_is_widened_until_it_is_coarser_than_the_evidence(pass_preview: PassPreview) -> None:
     def in_few_pictures(view: View) -> int:
         return 2 if view.frame == pass_preview.keys[0].frame else 1
 
-    assert widened(pass_preview, SPEC, in_few_pictures, Manual()) == SPEC
-    assert widened(pass_preview, SPEC, lambda view: 1, Manual()) == SPEC
+    wide = widened(pass_preview, SPEC, in_few_pictures, Manual())
+    assert 120.0 < wide.hfov_deg <= 127.0
+    assert widened(pass_preview, replace(SPEC, hfov_deg=140.0), in_few_pictures, Manual()).hfov_deg == 140.0
 
 
 def test_a_pass_that_shows_no_rack_at_all_is_refused(
