@@ -486,7 +486,6 @@ def fit_count(
     share: float = 0.95,
     manual: Manual = AUTOMATIC,
     smallest_deg: float = SMALLEST_HFOV_DEG,
-    largest_deg: float = LARGEST_HFOV_DEG,
 ) -> Fitted:
     """The view along `spec` with the smallest field of view that shows `at_least` objects in this share of the key
     frames.
@@ -496,7 +495,7 @@ def fit_count(
     if manual.hfov_deg is not None:
         return Fitted(manual.over(spec))
     keys = [*pass_preview.keys]
-    for hfov in np.arange(smallest_deg, max(smallest_deg, largest_deg) + 1, HFOV_STEP_DEG):
+    for hfov in np.arange(smallest_deg, LARGEST_HFOV_DEG + 1, HFOV_STEP_DEG):
         candidate = manual.over(replace(spec, hfov_deg=float(hfov)))
         if _enough(pass_preview, keys, candidate, count, at_least, share):
             wider = min(float(hfov) + HFOV_STEP_DEG, LARGEST_HFOV_DEG)

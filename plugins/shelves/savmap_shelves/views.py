@@ -2,7 +2,7 @@
 
 A direction is face-like when beams run level and uprights plumb in a view along it. The view's height is right when the
 uprights in its middle are shown from end to end. A low rack close by would show a single upright at a time that way.
-Such a view is widened until it mostly shows two, but not until it is coarser than the evidence of all frames.
+Such a view is widened until it mostly shows two, which tracking needs.
 """
 
 from collections import OrderedDict
@@ -15,6 +15,7 @@ from savmap.errors import StructureError
 from savmap.types import Detection, Panorama, View, ViewPlan, ViewSpec
 from savmap.vision.view_planning import (
     Face,
+    Fitted,
     Manual,
     PassPreview,
     Side,
@@ -23,7 +24,6 @@ from savmap.vision.view_planning import (
     fit_height,
     tilted,
 )
-from savmap_shelves.find import CELL
 
 Predict = Callable[[View], list[Detection]]
 MAX_SLOPE = 0.2
@@ -64,8 +64,8 @@ def aim_at_face(
         notes = (*which_hand(face, side), "view face: too high for one view, two are used")
         return ViewPlan(halves(face), face.world_from_rig, face.travel, notes)
     wide = widened(pass_preview, whole.spec, lambda view: len(uprights_in(predict(view), view.spec)), manual_face)
-    notes = (*which_hand(face, side), *([whole.warning] if whole.warning else []))
-    return ViewPlan((wide,), face.world_from_rig, face.travel, notes)
+    notes = tuple(fitted.warning for fitted in (whole, wide) if fitted.warning)
+    return ViewPlan((wide.spec,), face.world_from_rig, face.travel, (*which_hand(face, side), *notes))
 
 
 def which_hand(face: Face, side: Side | None) -> tuple[str, ...]:
@@ -102,14 +102,16 @@ def halves(face: Face) -> tuple[ViewSpec, ...]:
     return tuple(tilted(face, pitch, HALF_HFOV_DEG, name) for name, pitch in HALVES.items())
 
 
-def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> ViewSpec:
-    """The view, or the narrowest wider one that shows two uprights in most key frames; the widest where none does:
-    frames that see a beam aslant see it behind goods. A cell of the evidence is at least two pixels in its middle."""
+def widened(pass_preview: PassPreview, spec: ViewSpec, count: Callable[[View], int], manual: Manual) -> Fitted:
+    """The view, or the narrowest wider one that shows two uprights in most key frames; as it is where no key frame
+    shows two, however wide: all frames together may."""
     shown = [count(view) for view in pass_preview.views(spec)]
     if manual.hfov_deg is not None or np.mean(np.array(shown) >= 2) >= MOST_FRAMES:
-        return spec
-    widest = float(np.degrees(2 * np.arctan(spec.width * CELL / 4)))
-    return fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg, largest_deg=widest).spec
+        return Fitted(spec)
+    fitted = fit_count(pass_preview, spec, count, share=MOST_FRAMES, smallest_deg=spec.hfov_deg)
+    if fitted.warning and max(*shown, *(count(view) for view in pass_preview.views(fitted.spec))) < 2:
+        return Fitted(spec, f"view {spec.name}: none of {len(shown)} pictures, evenly spaced, shows two uprights")
+    return fitted
 
 
 def face_likeness(detections: Sequence[Detection], spec: ViewSpec) -> float:
