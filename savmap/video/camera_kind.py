@@ -29,6 +29,7 @@ SMOOTH_PX = 6.0
 UNEVEN, EVEN = 0.5, 0.3
 BLACK, BLACK_SHARE = 8.0, 0.15
 WHOLE = "write one whole panorama a frame in the camera maker's program"
+NAMED = "say which (`--camera pinhole`, `--hfov`; docs/video.md)"
 
 Grey = NDArray[np.float32]
 
@@ -52,7 +53,7 @@ def _refusals(pictures: Sequence[Grey]) -> Iterator[str]:
         yield f"its upper and lower halves show the same: it seems to be {packing}: {WHOLE}"
     if _is_broken(pictures) and _usual(pictures, unevenness) > EVEN:
         flaws = "its left and right edges do not meet, nor are its top and bottom rows even"
-        yield f"{flaws}: it seems to be no panorama: {WHOLE}"
+        yield f"{flaws}: it seems to be no panorama: {WHOLE}, or, of another lens, {NAMED}"
     elif _is_broken(pictures, SURELY_BROKEN, SURELY_UNLIKE):
         yield f"its left and right edges do not meet: it seems to be a part of a panorama, no whole one: {WHOLE}"
 
