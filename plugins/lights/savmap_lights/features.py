@@ -37,7 +37,7 @@ def extract_features(view: View, detections: Sequence[Detection]) -> list[Featur
     compact = [(seed, lamp) for seed in seeds for lamp in compacts_of(grey, seed, joined)]
     numbers = {seed.number for seed, _ in compact}
     lit = strips(grey, [seed for seed in seeds if seed.number not in numbers])
-    lamps = _distinct((seed.number, one) for seed, lamp in compact for one in (lamp, *more_like(grey, seed, lamp)))
+    lamps = _distinct((seed.number, other) for seed, lamp in compact for other in (lamp, *more_like(grey, seed, lamp)))
     features = _compact(view, detections, lamps)
     features += [feature for body in lit for feature in _strip(view, detections, body, SIGMA_END_PX)]
     measured = numbers | {number for body in lit for number in body.numbers}

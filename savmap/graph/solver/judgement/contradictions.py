@@ -174,8 +174,8 @@ def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
     if not all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained):
         explained = agreed.explanations(presumed)
     parts = _mistakable(problem, agreed)
-    alone = any(len(out) < 2 or out <= parts for out in explained)
-    return explained if alone or not _can_be_out(problem, agreed, parts) else [parts]
+    is_simple = any(len(out) < 2 or out <= parts for out in explained)
+    return explained if is_simple or not _can_be_out(problem, agreed, parts) else [parts]
 
 
 def _mistakable(problem: Problem, agreed: Agreement) -> Names:
