@@ -154,8 +154,8 @@ def references(job: Job) -> Iterator[SavmapError]:
     for row in job.site.rows:
         if job.earlier is None and job.against is None and not tells_scale(job.site, row, job.plugins):
             text = (
-                f"row {row}: the map's scale is not known; give the camera's height (--camera-height with a video), "
-                "a length or a marker (see docs/site-file.md)"
+                f"row {row}: the map's scale is not known; give the camera's height (`camera_height_m` under "
+                "`references:`; `--camera-height` with a video), a length or a marker (docs/site-file.md)"
             )
             yield with_location(SolveError(text), job.places, ("rows", row))
 
