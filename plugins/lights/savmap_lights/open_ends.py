@@ -8,7 +8,7 @@ import numpy as np
 from savmap.plugin import Floats, Solid, Structure, Track
 from savmap_lights.tracking import BESIDE, BY_MASK, SEEN_TO
 
-FEWEST, ALIKE, ALIKE_M, MOST = 4, 0.01, 0.02, 0.75
+FEWEST, ALIKE, ALIKE_M, MOST = 2, 0.01, 0.02, 0.75
 ENOUGH = 0.6
 UNKNOWN_M = 1000.0
 """The standard deviation of what is not known: of a strip's end that no frame showed, along the strip."""

@@ -26,7 +26,8 @@ def test_most_strips_have_one_length() -> None:
 
 
 def test_strips_that_differ_or_are_few_have_none() -> None:
-    assert common_length(strips(1.5, 1.5)) is None
+    assert common_length(strips(1.5)) is None
+    assert common_length(strips(1.5, 1.7)) is None
     assert common_length(strips(1.5, 1.5, 1.5, 1.5, 2.0, 2.4)) is None
 
 
