@@ -262,14 +262,11 @@ class Sections:
         ]
 
     def paint(self, sections: Sequence[Intervals]) -> list[Floats]:
-        """What paint says of each section's cells (n, columns), by the sure members of the others that are about as
-        thick as usual: one that is thicker is not all beam."""
+        """What paint says of each section's cells (n, columns), by the sure members of the others."""
         members, groups = np.zeros((2, len(sections), *self.picture.shape[:2]), np.bool_)
-        usual = usual_width(sections) or 0.0
         for number, (section, span) in enumerate(zip(sections, self.spans, strict=True)):
             groups[number, :, slice(*span)] = True
-            alike = np.diff(section.cells, axis=1)[:, 0] <= max((1 + UNEVEN) * usual, usual + 1)
-            for low, high in section.cells[(section.score > SURE) & alike].tolist():
+            for low, high in section.cells[section.score > SURE].tolist():
                 members[number, low:high, slice(*span)] = True
         return paint_ratios(self.picture, [*members], [*groups], self.reader.parameters.paint_limit)
 
@@ -340,8 +337,9 @@ def measured_members(
 ) -> list[list[Floats]]:
     """The borders (2,) of each line's intervals, in parts of a cell, by the mean scores (n, m) of the line's cells:
     where the score falls to half. A member that is not as wide as usual by more than `UNEVEN` is where a usual one fits
-    its cells' log-likelihood ratios (n, m) best: something hides one of its borders or adjoins it. Scores are blurred;
-    where the usual width was `solved`, in cells, all members become thinner by as much."""
+    best: by its scores, where something hides one of its borders; by its cells' log-likelihood ratios (n, m), which
+    tell paints apart, where something adjoins it. Scores are blurred; where the usual width was `solved`, in cells, all
+    members become thinner by as much."""
     usual = usual_width(intervals) or 1.0
     measured = [
         [borders(line, *cells) for cells in part.cells.tolist()] for part, line in zip(intervals, scores, strict=True)
@@ -353,7 +351,12 @@ def measured_members(
     thinner = blur / 2 * np.array([1.0, -1.0])
     return [
         [
-            (member if abs(member[1] - member[0] - usual) < room else placed(line, likely, member, usual)) + thinner
+            thinner
+            + (
+                member
+                if abs(member[1] - member[0] - usual) < room
+                else placed(line, likely if member[1] - member[0] > usual else None, member, usual)
+            )
             for member in members
         ]
         for members, line, likely in zip(measured, scores, ratios, strict=True)
@@ -380,12 +383,13 @@ def borders(scores: Floats, low: int, high: int) -> Floats:
     return np.array([lower, upper]) + 0.5
 
 
-def placed(scores: Floats, ratios: Floats, member: Floats, usual: float) -> Floats:
-    """The borders (2,) of a member of the usual width where its ratios (n, m) are greatest, about a place that is known
-    to half of its width."""
+def placed(scores: Floats, ratios: Floats | None, member: Floats, usual: float) -> Floats:
+    """The borders (2,) of a member of the usual width where its ratios (n, m), or, without these, its scores, are
+    greatest, about a place that is known to half of its width."""
     low, high = int(np.floor(member[0])), max(int(np.ceil(member[1])), int(np.floor(member[0])) + 1)
     shown = along(scores, max(low, 0), min(high, len(scores)))
-    summed = np.concatenate([[0.0], np.cumsum(np.quantile(ratios[:, shown], HIGH, axis=1))])
+    profile = np.quantile((scores if ratios is None else ratios)[:, shown], HIGH, axis=1)
+    summed = np.concatenate([[0.0], np.cumsum(profile - profile.max() / 2 if ratios is None else profile)])
     room = abs(member[1] - member[0] - usual) / 2 + 1
     middles = member.mean() + np.linspace(-room, room, 41)
     cells = np.arange(len(summed))
