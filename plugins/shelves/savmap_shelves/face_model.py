@@ -288,23 +288,29 @@ class Sections:
         return np.asarray(parameters.level + np.log1p(np.expm1(parameters.shared) * share))
 
 
+def stretches(ratios: Floats) -> tuple[Ints, Ints, Floats]:
+    """The stretch with the greatest sum of log-likelihood ratios (rows, columns) in each column: its first row, the row
+    after its last (columns,), and the sum (columns,)."""
+    summed = np.cumsum(np.clip(np.pad(ratios, ((1, 0), (0, 0))), -2, 2), axis=0)
+    gains = summed - np.minimum.accumulate(summed, axis=0)
+    last = gains.argmax(axis=0)
+    before = np.arange(len(summed))[:, None] <= last
+    return np.where(before, summed, np.inf).argmin(axis=0), last, np.asarray(gains.max(axis=0))
+
+
 def extent(ratios: Floats, posts: Intervals) -> tuple[int, int]:
     """The rows between which posts show, by the median along them of their log-likelihood ratios (rows, columns)."""
     along = np.median([ratios[:, low:high].mean(axis=1) for low, high in posts.cells.tolist()], axis=0)
-    summed = np.concatenate([[0.0], np.cumsum(np.clip(along, -2, 2))])
-    last = int((summed - np.minimum.accumulate(summed)).argmax())
-    return int(summed[: last + 1].argmin()), last
+    first, last, _ = stretches(along[:, None])
+    return int(first[0]), int(last[0])
 
 
 def first_extent(ratios: Floats) -> tuple[int, int]:
-    """The rows between which most columns with posts show them, before these are known: of each column the stretch with
-    the greatest sum of ratios (rows, columns). A view may be many times as high as a rack."""
-    summed = np.cumsum(np.clip(np.pad(ratios, ((1, 0), (0, 0))), -2, 2), axis=0)
-    gains = summed - np.minimum.accumulate(summed, axis=0)
-    last, most = gains.argmax(axis=0), gains.max(axis=0)
-    strong = np.flatnonzero(most > most.max() / 2)
-    first = [int(summed[: last[column] + 1, column].argmin()) for column in strong.tolist()]
-    return (int(np.median(first)), int(np.median(last[strong]))) if first else (0, len(ratios))
+    """The rows between which most columns with posts show them, before these are known, by ratios (rows, columns). A
+    view may be many times as high as a rack."""
+    first, last, gains = stretches(ratios)
+    strong = gains > gains.max() / 2
+    return (int(np.median(first[strong])), int(np.median(last[strong]))) if strong.any() else (0, len(ratios))
 
 
 def lower_end(scores: Floats, posts: Intervals, bottom: int) -> float:
