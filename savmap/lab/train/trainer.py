@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -79,20 +80,19 @@ def edge_weights(labels: Tensor, reach: int = 2) -> Tensor:
     Alike on both sides, because a heavier class or side would push the edge away from its true place. Where labels end
     is no edge: only one of its sides would be heavier.
     """
-    valid, values = (labels != IGNORE)[:, None], labels.float()[:, None]
-    size = 2 * reach + 1
-    highest = functional.max_pool2d(torch.where(valid, values, -1.0), size, 1, reach)
-    lowest = -functional.max_pool2d(torch.where(valid, -values, -float(IGNORE)), size, 1, reach)
-    return 1 + EDGE_WEIGHT * (highest > lowest).float()[:, 0]
+    values = labels.to(torch.int16).cpu().numpy()
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    edges = [cv2.dilate(np.where(v == IGNORE, -1, v), kernel) > cv2.erode(v, kernel) for v in values]
+    return 1 + EDGE_WEIGHT * torch.from_numpy(np.stack(edges)).to(labels.device).float()
 
 
 def dice(probabilities: Tensor, labels: Tensor, valid: Tensor) -> Tensor:
     """One minus the soft overlap of each class but the background, averaged over the classes present in the batch."""
     losses = []
-    for value in range(1, probabilities.shape[1]):
+    for value, probability in enumerate(probabilities.unbind(1)[1:], start=1):
         truth = (labels == value) & valid
         if truth.any():
-            share = probabilities[:, value] * valid
+            share = probability * valid
             overlap = (share * truth).sum()
             losses.append(1 - 2 * overlap / (share.sum() + truth.sum()))
     return torch.stack(losses).mean() if losses else probabilities.sum() * 0
@@ -102,9 +102,10 @@ def segmentation_loss(logits: Tensor, labels: Tensor) -> Tensor:
     """Scalar loss of logits (N, C, H, W) for labels (N, H, W) int64 with IGNORE where nothing is known."""
     valid = labels != IGNORE
     weights = edge_weights(labels) * valid
-    entropy = functional.cross_entropy(logits, labels, ignore_index=IGNORE, reduction="none")
+    logarithms = torch.log_softmax(logits, dim=1)
+    entropy = functional.nll_loss(logarithms, labels, ignore_index=IGNORE, reduction="none")
     mean = (entropy * weights).sum() / weights.sum().clamp(min=1)
-    return mean + DICE_SHARE * dice(torch.softmax(logits, dim=1), labels, valid)
+    return mean + DICE_SHARE * dice(logarithms.exp(), labels, valid)
 
 
 def learning_rate_factor(done: float, warm_up: float) -> float:

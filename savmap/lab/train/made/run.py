@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -174,9 +175,12 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
     said = saved = time.monotonic()
     cpu, before, losses = time.process_time(), replace(state), list[float]()
     say(folder, f"going on after {state.crops} crops")
+    preparing = ThreadPoolExecutor(1)
+    following = preparing.submit(pictures.batch, state.steps)
     while state.ends_at is None or state.steps < state.ends_at:
         began = time.monotonic()
-        images, labels = pictures.batch(state.steps)
+        images, labels = following.result()
+        following = preparing.submit(pictures.batch, state.steps + 1)
         losses.append(trainer.step((images, labels), state.rate))
         state.steps, state.crops = state.steps + 1, state.crops + len(images)
         state.spent_s += (now := time.monotonic()) - began
@@ -185,7 +189,7 @@ def train(folder: Path, file: Path, state: State, trainer: Trainer) -> None:
             new, used = state.crops - before.crops, time.process_time() - cpu
             rates = f"{new / (now - said):.2f} crops/s, {new / used:.2f} a processor second"
             say(folder, f"{state.crops:9d} crops  {rates}, loss {np.mean(losses):.4f}")
-            pictures.refresh()
+            preparing.submit(pictures.refresh)
             if not maker.is_alive():
                 say(folder, "no process makes pictures any more; those that are there are used")
             if state.crops // MEASURED_EVERY > before.crops // MEASURED_EVERY:
@@ -234,7 +238,6 @@ def run(folder: Path, plugin: str | None, init: Path | None, share: float | None
     """Begin a training with an ONNX file, or go on; or let the rate fall over the last `share` of all steps, from the
     checkpoint, which stays as it is. Raises SavmapError."""
     give_way()
-    torch.set_num_threads(1)
     cv2.setNumThreads(1)
     with locked(folder):
         file = folder / CHECKPOINT
