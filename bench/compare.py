@@ -23,11 +23,11 @@ import numpy as np
 from bench.baseline import Figures
 from bench.observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
 from bench.seeds import SETS, seeds
+from savmap.apps.dates.comparison import CHANGES as CHANGED
+from savmap.apps.dates.comparison import LEVEL, ElementChange, compare_maps
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.lab.sim.observations import PAPER, MaskErrors
-from savmap.maps.comparison import CHANGES as CHANGED
-from savmap.maps.comparison import LEVEL, ElementChange, compare_maps
 from savmap.maps.map_file import read_map, write_map
 from savmap.types import Attribute, Floats, FrameTable, RowMap, SiteMap, Structure
 from savmap_shelves.constraints import GridSettings

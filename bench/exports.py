@@ -24,8 +24,8 @@ import numpy as np
 
 from bench.baseline import Figures
 from savmap.errors import SavmapError
-from savmap.maps.exports import FORMATS, core_exporters
 from savmap.maps.map_file import read_map
+from savmap.plugin.manager import exporters
 from savmap.types import Alignment, Placement, SiteMap
 
 APART_M = 4.0
@@ -50,7 +50,7 @@ GEOJSONHINT = """
 const {hint} = require("@mapbox/geojsonhint"), text = require("fs").readFileSync(process.argv[1], "utf8");
 for (const found of hint(text)) console.log(`${found.level || "error"} line ${found.line}: ${found.message}`);
 """
-ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json", "nav2": "zip", "imdf": "zip"}
+ENDINGS = {"ifc4x3": "ifc", "rosbag2": "mcap", "colmap": "zip", "nerfstudio": "json", "nav2": "zip"}
 """Of files of formats that are not called by theirs."""
 Validator = Callable[[Path], list[str]]
 """What it finds wrong with a file, a line each. Raises `MissingError` where it is not installed."""
@@ -143,7 +143,7 @@ def measured(name: str, site: SiteMap, folder: Path, validate: bool) -> dict[str
     """Write a format into a folder and validate it: seconds, megabytes, and how many faults validators find; they are printed."""
     path = folder / f"map-{name}.{ENDINGS.get(name, name)}"
     begin = time.perf_counter()
-    core_exporters()[name](site, path)
+    exporters()[name](site, path)
     figures: dict[str, float] = {"seconds": time.perf_counter() - begin, "MB": path.stat().st_size / 1e6, "faults": 0}
     for validator, check in VALIDATORS.get(name, {}).items() if validate else ():
         try:
@@ -173,7 +173,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument("map", type=Path)
     parser.add_argument("--rows", type=int, default=0)
-    parser.add_argument("--format", nargs="+", choices=sorted(FORMATS), default=list(FORMATS))
+    parser.add_argument("--format", nargs="+", choices=sorted(exporters()), default=[*exporters()])
     parser.add_argument("--skip-validators", action="store_true")
     parser.add_argument("--keep", type=Path, help="a folder for the files")
 

@@ -33,10 +33,10 @@ from bench.clips import Frames, Image, lit, out_of_focus, read, write
 from bench.live_cuts import SITE as SITE_TEXT
 from bench.live_cuts import cuts, descendants, run_savmap
 from savmap import LiveSession
+from savmap.apps.live.assistant import CaptureAssistant
+from savmap.apps.live.session import LiveMapping
+from savmap.apps.live.sources import frames_of, live_job
 from savmap.files.atomic import sha256
-from savmap.live.assistant import CaptureAssistant
-from savmap.live.session import LiveMapping
-from savmap.live.sources import frames_of, live_job
 from savmap.maps.map_file import read_map
 from savmap.types import Panorama
 from savmap.video.motion import PassWatch

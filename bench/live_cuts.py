@@ -21,9 +21,9 @@ import av
 import cv2
 
 from bench.baseline import Figures
+from savmap.apps.live.session import STATE
 from savmap.errors import SavmapError
 from savmap.files.atomic import sha256
-from savmap.live.session import STATE
 from savmap.maps.map_file import read_map
 
 DEMO = Path(__file__).parents[1] / "savmap" / "demo" / "aisle-dev.mp4"

@@ -17,9 +17,10 @@ import numpy as np
 
 from bench.baseline import Figures
 from bench.seeds import SETS, is_test, seeds
+from savmap.apps.split.find import find
+from savmap.apps.split.records import DetectedPass
 from savmap.lab.sim.scene.files import Scene, parse_scene
 from savmap.lab.sim.simulate import simulate
-from savmap.split import DetectedPass, find
 
 
 def weaving_scene(seed: int, width: int = 512, aisles: int = 6, fps: float = 10.0) -> Scene:

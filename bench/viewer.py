@@ -20,9 +20,10 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from bench.baseline import Figures
-from savmap.maps.comparison import compare_maps
+from savmap.apps.dates.comparison import compare_maps
+from savmap.apps.viewer.data import Before
+from savmap.apps.viewer.page import View, write_view
 from savmap.maps.map_file import read_map
-from savmap.report.viewer import Before, View, write_view
 from savmap.types import Floats, JointCovariance, Placement, RowMap, SiteMap, Structure
 
 ARGUMENTS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

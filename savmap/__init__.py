@@ -24,32 +24,32 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 network imports something of savmap first: workers and plugins too; and processes that they start inherit it."""
 
 if TYPE_CHECKING:
+    from savmap.apps.dates.api import compare as compare
+    from savmap.apps.dates.comparison import Comparison as Comparison
+    from savmap.apps.dates.comparison import Difference as Difference
+    from savmap.apps.dates.comparison import ElementChange as ElementChange
+    from savmap.apps.dates.comparison import RowComparison as RowComparison
+    from savmap.apps.dates.comparison import RowMotion as RowMotion
+    from savmap.apps.exchange.api import import_survey as import_survey
+    from savmap.apps.inspection.api import inspect as inspect
+    from savmap.apps.live.api import LiveSession as LiveSession
+    from savmap.apps.viewer.api import view as view
+    from savmap.apps.viewer.notebook import MapView as MapView
     from savmap.errors import SavmapError as SavmapError
     from savmap.jobs.api import align as align
-    from savmap.jobs.api import compare as compare
     from savmap.jobs.api import evaluate as evaluate
     from savmap.jobs.api import export as export
     from savmap.jobs.api import find as find
-    from savmap.jobs.api import import_survey as import_survey
-    from savmap.jobs.api import inspect as inspect
     from savmap.jobs.api import load_map as load_map
     from savmap.jobs.api import map_site as map_site
     from savmap.jobs.api import map_video as map_video
     from savmap.jobs.api import measure as measure
-    from savmap.jobs.api import view as view
-    from savmap.live.api import LiveSession as LiveSession
-    from savmap.maps.comparison import Comparison as Comparison
-    from savmap.maps.comparison import Difference as Difference
-    from savmap.maps.comparison import ElementChange as ElementChange
-    from savmap.maps.comparison import RowComparison as RowComparison
-    from savmap.maps.comparison import RowMotion as RowMotion
     from savmap.maps.distance import VertexDistance as VertexDistance
     from savmap.maps.map_file import write_map as write_map
     from savmap.maps.search import SearchHit as SearchHit
     from savmap.maps.survey import write_survey as write_survey
     from savmap.plugin.hookspecs import hookimpl as hookimpl
     from savmap.plugin.protocol import Plugin as Plugin
-    from savmap.report.viewer.notebook import MapView as MapView
     from savmap.types import CrossRowLandmark as CrossRowLandmark
     from savmap.types import Detection as Detection
     from savmap.types import Evaluation as Evaluation
@@ -76,19 +76,21 @@ if TYPE_CHECKING:
     from savmap.types.progress import Monitor as Monitor
 
 _NAMES = {
+    "savmap.apps.dates.api": "compare",
+    "savmap.apps.dates.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
+    "savmap.apps.exchange.api": "import_survey",
+    "savmap.apps.inspection.api": "inspect",
+    "savmap.apps.live.api": "LiveSession",
+    "savmap.apps.viewer.api": "view",
+    "savmap.apps.viewer.notebook": "MapView",
     "savmap.errors": "SavmapError",
-    "savmap.jobs.api": (
-        "align compare evaluate export find import_survey inspect load_map map_site map_video measure view"
-    ),
-    "savmap.live.api": "LiveSession",
-    "savmap.maps.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
+    "savmap.jobs.api": ("align evaluate export find load_map map_site map_video measure"),
     "savmap.maps.distance": "VertexDistance",
     "savmap.maps.map_file": "write_map",
     "savmap.maps.search": "SearchHit",
     "savmap.maps.survey": "write_survey",
     "savmap.plugin.hookspecs": "hookimpl",
     "savmap.plugin.protocol": "Plugin",
-    "savmap.report.viewer.notebook": "MapView",
     "savmap.types": (
         "CrossRowLandmark Detection MapWarning Evaluation Feature Finding FrameTable Inspection Panorama Placement "
         "ReferenceUse RowFacts RowMap Score SiteMap Structure Survey Track Trajectory Verdict View ViewPlan ViewSpec"

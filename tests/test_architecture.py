@@ -29,17 +29,16 @@ LAYERS = [
     "site",
     "assembly",
     "pipeline",
-    "split",
     "report",
     "jobs",
-    "live",
     "demo",
     "cli",
+    "apps",
     "lab",
 ]
 """Packages from the lowest to the highest: a package imports from itself and from lower ones. The laboratory is the
 highest: nothing outside imports it."""
-PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "split", "live"}
+PRIVATE = {"site", "pipeline", "jobs", "assembly", "cli", "report", "apps"}
 """Packages that plugins do not import from."""
 STRUCTURES = {"shelf", "shelves", "light", "lights", "lamp", "lamps", "sign", "signs", "rack", "racks"}
 OTHER_MEANINGS = r"\b(np|torch|math)\.sign\b|text=\"light\""

@@ -1,28 +1,29 @@
 """The command line: commands that are imported when they are asked for, and how it is run."""
 
 from collections.abc import Iterator, Mapping
-from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from savmap.cli.commands import COMMANDS, help_text
+from savmap.cli.commands import COMMANDS, help_text, of_apps
 from savmap.cli.endings import plain_endings
+from savmap.plugin.apps import Command, target_of
 
 
 class _Commands(Mapping[str, Any]):
-    """Commands by name, each imported when it is asked for. A name that is none of savmap's is looked for among those
-    that installed plugins add."""
+    """Commands by name, each imported when it is asked for. A name that is none of the core's is looked for among those
+    of apps, then among those that installed plugins add."""
 
     def __getitem__(self, name: str) -> Any:
-        return _command(name) if name in COMMANDS else _plugins_commands()[name]
+        command = COMMANDS.get(name) or of_apps().get(name)
+        return _plugins_commands()[name] if command is None else _command(name, command)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(COMMANDS)
+        return iter({**COMMANDS, **of_apps()})
 
     def __len__(self) -> int:
-        return len(COMMANDS)
+        return len([*self])
 
 
 class _Group(TyperGroup):
@@ -38,9 +39,8 @@ def _new_app(**settings: Any) -> typer.Typer:
     return typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None, **settings)
 
 
-def _command(name: str) -> Any:
-    module, _, attribute = COMMANDS[name].target.partition(":")
-    target = getattr(import_module(module), attribute)
+def _command(name: str, command: Command) -> Any:
+    target = target_of(command.target)
     if not isinstance(target, typer.Typer):
         single = _new_app()
         single.command(name)(target)

@@ -16,7 +16,6 @@ from savmap.jobs.map_site import MAP, failures_recorded, map_job_into, written_f
 from savmap.jobs.preview import previews
 from savmap.jobs.scheduler import RunOptions
 from savmap.jobs.tasks import request_for
-from savmap.maps.comparison import comparison_lines
 from savmap.maps.run_record import failed_since
 from savmap.report.evaluation import as_table
 from savmap.site.job import Job, prepare
@@ -36,8 +35,8 @@ def map_and_print(job: Job, jobs: int | None = None, fresh: bool = False, cluste
             say(f"wrote {file}")
         if run.evaluation is not None:
             say_all(as_table(run.evaluation))
-        if run.comparison is not None:
-            say_all("\n".join(comparison_lines(run.comparison)))
+        if run.changes is not None:
+            say_all("\n".join(run.changes.lines()))
         placed = (*site_lines(run.site_map), *alignment_lines(run.site_map))
         for line in (*placed, *verdict_lines(run.site_map, job.output)):
             say(line)

@@ -4,6 +4,7 @@ terminal."""
 import sys
 
 from savmap.errors import visible
+from savmap.types import SiteMap
 
 
 def say(line: object, err: bool = False) -> None:
@@ -15,3 +16,10 @@ def say_all(text: str) -> None:
     """Print several lines."""
     for line in text.split("\n"):
         say(line)
+
+
+def say_banner(site_map: SiteMap) -> None:
+    """What a file that was written of a map, or a figure of it, does not show: the rows that it lacks, and those that
+    are to be checked first."""
+    if site_map.banner:
+        say(f"note: {site_map.banner} (`savmap view`, report.html)")

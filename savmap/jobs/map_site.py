@@ -26,20 +26,18 @@ from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.returning import back_in_map
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import warnings_as_notes
-from savmap.maps.comparison import Comparison
 from savmap.maps.exports.files import timestamp
 from savmap.maps.map_file import write_map
 from savmap.maps.orthophoto_file import orthophoto_files, write_orthophoto
 from savmap.maps.run_record import LOG, FootageFile, RunLog, write_log
 from savmap.maps.survey import read_survey
 from savmap.pipeline.drive import recordings
+from savmap.plugin.apps import Changes, WrittenMap, viewer
 from savmap.plugin.isolation import failures_gathered
 from savmap.report.orthophotos import write_overlay
 from savmap.report.page import Report, write_page
 from savmap.report.picture import write_box_plot, write_row_view
-from savmap.report.site_report import VIEW, PluginsByRow, evaluation_of, origin_of, plugins_of_map, report_for
-from savmap.report.viewer import View, write_view
-from savmap.report.viewer.page import PARTS, script_names
+from savmap.report.site_report import PluginsByRow, evaluation_of, plugins_of_map, report_for, viewer_page
 from savmap.site.job import Job, plugins_for
 from savmap.site.layout import placements
 from savmap.site.load import KnownAlignment
@@ -70,7 +68,7 @@ class SiteRun:
     failed_rows: Mapping[str, SavmapError]
     failed_plugins: frozenset[str]
     files: tuple[Path, ...] = ()
-    comparison: Comparison | None = None
+    changes: Changes | None = None
 
     def raise_if_incomplete(self, job: Job) -> None:
         """Raises RowsFailedError where rows could not be mapped, PluginsLeftOutError where plugins failed,
@@ -232,22 +230,21 @@ def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write
     mapped = replace(mapped, log=with_footage(job, mapped.log))
     failed = {name: str(error) for name, error in mapped.failed.items()}
     survey = read_survey(job.site.survey) if job.site.survey else None
-    comparison: Comparison | None = None
+    changes: Changes | None = None
     with failures_gathered() as failures, warnings_as_notes(monitor):
         if job.against is None:
             plugins: PluginsByRow = {name: {p.name: p for p in plugins_for(job, name)} for name in mapped.rows}
             site_map = _assembled(job, SiteMap(mapped.rows, made_by(job), failed), plugins, monitor)
         else:
-            mapped, result = back_in_map(job, mapped, made_by(job))
-            site_map, comparison = result.site_map, result.comparison
+            mapped, site_map, changes = back_in_map(job, mapped, made_by(job))
             plugins = plugins_of_map(site_map)
         if write:
-            evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache, comparison)
+            evaluation, files = _write_results(job, site_map, mapped, plugins, survey, cache, changes)
         else:
             evaluation, files = evaluation_of(site_map, survey, plugins) if survey else None, ()
     failed_plugins = {name for row in mapped.log.rows.values() for name in row.plugins_failed}
     failed_plugins |= {failure.plugin for failure in failures}
-    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files, comparison)
+    return SiteRun(site_map, evaluation, mapped.log, mapped.failed, frozenset(failed_plugins), files, changes)
 
 
 def _assembled(job: Job, site_map: SiteMap, plugins: PluginsByRow, monitor: Monitor) -> SiteMap:
@@ -268,7 +265,7 @@ def _write_results(
     plugins: PluginsByRow,
     survey: Survey | None,
     cache: RowCache,
-    comparison: Comparison | None,
+    changes: Changes | None,
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its
     orthophoto if there is one, and the box plot where there is a survey; the scores, and the files worth a look."""
@@ -278,7 +275,7 @@ def _write_results(
     write_text(job.output / RESOLVED, json_visible(job.site.model_dump_json(indent=2, exclude_none=True)) + "\n")
     photos, stills = mapped.orthophotos, mapped.stills
     report = report_for(site_map, plugins, survey, mapped.log, _title(job.source), photos, stills)
-    report = replace(report, viewer=VIEW, comparison=comparison)
+    report = replace(report, viewer=viewer_page(), changes=changes)
     files = [job.output / MAP]
     for name, row in site_map.rows.items():
         surveyed = survey.rows.get(name) if survey else None
@@ -290,10 +287,11 @@ def _write_results(
                 cache.save(name, DRAWN, key, b"")
         files += [*views, *write_photo(name, report, job.output)]
     write_page(report, job.output / REPORT)
-    origin = origin_of(job.output / MAP, job.site.survey)
-    view = View(site_map, report.evaluation, report.title, photos, stills, origin, places=report.places)
-    write_view(view, job.output / VIEW)
-    files += [job.output / REPORT, job.output / VIEW]
+    files.append(job.output / REPORT)
+    if shown_by := viewer():
+        about = report.evaluation, job.site.survey, report.title, photos, stills, report.places
+        shown_by.write_beside(WrittenMap(job.output / MAP, site_map, *about))
+        files.append(job.output / shown_by.PAGE)
     _remove_files_of(dropped, set(site_map.rows), job.output)
     if survey is None:
         return None, tuple(files)
@@ -304,13 +302,13 @@ def _write_results(
 
 def written_files(job: Job) -> list[Path]:
     """The files that a run of a job writes, one of each kind in each folder."""
-    names = (MAP, LOG, MESSAGES, RESOLVED, REPORT, VIEW, *([BOX_PLOT] if job.site.survey else []))
-    scripts = [job.output / part / f"{name}.js" for name in script_names(job.site.rows).values() for part in PARTS]
+    names = (MAP, LOG, MESSAGES, RESOLVED, REPORT, *([BOX_PLOT] if job.site.survey else []))
+    shown_by = viewer()
     stages = [job.output / FOLDER / file_name(row) / DRAWN for row in job.site.rows]
     return [
         *(job.output / name for name in names),
         *(file for row in job.site.rows for file in _files_of(row, job.output)),
-        *scripts,
+        *(shown_by.files_of([*job.site.rows], job.output) if shown_by else ()),
         *stages,
     ]
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 from savmap.errors import StructureError
 from savmap.jobs.scheduler import MappedRows
 from savmap.maps.map_file import read_map
-from savmap.maps.returning.update import UpdatedMap, updated
+from savmap.plugin.apps import Changes, dates
 from savmap.site.job import Job
-from savmap.types import RowMap
+from savmap.types import RowMap, SiteMap
 
 
-def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tuple[MappedRows, UpdatedMap]:
-    """What was mapped of a job's rows, by the names of the earlier map's rows, and that map with it. Raises
-    StructureError where two of the job's rows are one row of the map, or where what was mapped does not fit there."""
+def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tuple[MappedRows, SiteMap, Changes]:
+    """What was mapped of a job's rows, by the names of the earlier map's rows, that map with it, and what
+    changed. Raises StructureError where two of the job's rows are one row of the map, or where what was mapped does not fit there."""
     assert job.against is not None
     names: dict[str, str] = {}
     passes: dict[str, RowMap] = {}
@@ -25,8 +25,8 @@ def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tup
                 "give their videos as passes of one row"
             )
         names[name], passes[row.name] = row.name, row
-    result = updated(read_map(job.against), passes, made_by)
-    failed = {name: str(error) for name, error in mapped.failed.items() if name not in result.site_map.rows}
+    site_map, changes = dates().updated(read_map(job.against), passes, made_by)
+    failed = {name: str(error) for name, error in mapped.failed.items() if name not in site_map.rows}
     log = mapped.log.model_copy(update={"rows": {names.get(name, name): run for name, run in mapped.log.rows.items()}})
     return (
         replace(
@@ -36,5 +36,6 @@ def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tup
             orthophotos={names[name]: photo for name, photo in mapped.orthophotos.items()},
             stills={names[name]: stills for name, stills in mapped.stills.items()},
         ),
-        replace(result, site_map=replace(result.site_map, failed=failed)),
+        replace(site_map, failed=failed),
+        changes,
     )

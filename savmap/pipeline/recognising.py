@@ -1,6 +1,6 @@
 """A pass along a row that is mapped: recognised there by what it shows, it needs no references of its own.
 
-The pass is solved in an assumed scale and laid into the map by `savmap.maps.returning.recognition`. What the map says
+The pass is solved in an assumed scale and laid into the map by an app (`savmap.plugin.apps.Dates`). What the map says
 of scale and heights then stands for references: a length along the row and heights of a few edges, with the map's
 standard deviations. They give the frame alone. No element of the map pulls at its counterpart, so that what moved
 shows.
@@ -13,9 +13,7 @@ import numpy as np
 
 from savmap.errors import StructureError
 from savmap.graph import CameraPriors, KnownLength, Landmark, References, Solution, SurveyedPoint
-from savmap.maps.comparison.elements import elements_of, kinds_of
-from savmap.maps.returning.recognition import RowPlace
-from savmap.types import Floats, RowMap, Structure
+from savmap.types import Floats, RowMap, RowPlace, Structure
 from savmap.vision.markers import MarkerTracks
 
 HEIGHTS = 4
@@ -59,7 +57,8 @@ def frame_references(
     span = place.scale * float(last[1].position[0] - first[1].position[0])
     share = float(mapped.report.get("scale_sigma", SCALE_SIGMA))
     sigma = span * float(np.hypot(share, np.sqrt(place.covariance[0, 0]) / place.scale))
-    sigma_y = float(np.hypot(_height_sigma(mapped), np.sqrt(place.covariance[2, 2]))) * np.sqrt(HEIGHTS)
+    height_sigma = place.height_sigma_m if np.isfinite(place.height_sigma_m) else HEIGHT_SIGMA_M
+    sigma_y = float(np.hypot(height_sigma, np.sqrt(place.covariance[2, 2]))) * np.sqrt(HEIGHTS)
     points = tuple(
         SurveyedPoint(name, (None, place.scale * float(landmark.position[1]) + float(place.shift_m[1]), None), sigma_y)
         for name, landmark in _best_heights(measured)
@@ -88,11 +87,3 @@ def _best_heights(measured: Iterable[tuple[str, Landmark]]) -> list[tuple[str, L
             best[element] = name, landmark
     ordered = sorted(best.values(), key=lambda item: float(item[1].covariance[1, 1]))
     return [item for item in ordered if item[1].covariance[1, 1] < MEASURED_M**2][:HEIGHTS]
-
-
-def _height_sigma(mapped: RowMap) -> float:
-    """The usual standard deviation of a height in the map, m."""
-    elements = elements_of(mapped.structures, kinds_of(mapped.structures))
-    sigmas = elements.middle_sigmas[:, 1]
-    measured = sigmas[sigmas < MEASURED_M]
-    return float(np.median(measured)) if len(measured) else HEIGHT_SIGMA_M

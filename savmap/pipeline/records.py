@@ -8,7 +8,6 @@ from typing import TypeVar
 from savmap.errors import SavmapError
 from savmap.files.journal import Journal
 from savmap.graph import Calibration, CameraPriors, Constraints, Problem, References, Solution
-from savmap.maps.returning.recognition import RowPlace
 from savmap.pipeline.cutting import Cut
 from savmap.pipeline.trust.footage import with_warnings
 from savmap.plugin.manager import LoadedPlugin
@@ -23,6 +22,7 @@ from savmap.types import (
     PlanePatch,
     RowFacts,
     RowMap,
+    RowPlace,
     RowStrips,
     Structure,
     Track,

@@ -11,8 +11,6 @@ from savmap.errors import SavmapError, SiteError, SolveError, StructureError
 from savmap.files.journal import Journal
 from savmap.graph import Constraints
 from savmap.graph.joint_covariance import joint_covariance
-from savmap.maps.returning import recognition
-from savmap.maps.returning.frames import in_row
 from savmap.pipeline.drive import require_path, walk
 from savmap.pipeline.finding import find_structures, uncertain_objects
 from savmap.pipeline.path import completed, first_poses
@@ -29,6 +27,7 @@ from savmap.pipeline.records import (
     each,
 )
 from savmap.pipeline.trust.verdict import judge
+from savmap.plugin.apps import dates
 from savmap.plugin.manager import LoadedPlugin
 from savmap.types import FoundObject, JointCovariance, MapWarning, PlanePatch, RowMap, Structure, Track, Trajectory
 from savmap.types.maps import SKIPPED, UNCHECKED
@@ -84,7 +83,7 @@ def recognise(row: LocatedRow, monitor: Monitor) -> LocatedRow:
     solved = SolvedRow(**vars(tracked), problem=problem, solution=graph.solve(problem, FIRST_SOLVE))
     facts, structures = row.measurements.facts, describe(solved).structures
     seen = RowMap(row.request.name, facts.frames, facts.views, solved.solution.trajectory, structures, ())
-    place = recognition.recognised(seen, row.request.against)
+    place = dates().recognised(seen, row.request.against)
     monitor.note(f"row {row.request.name}: recognised as row {place.ends}")
     references = frame_references(place, row.request.against[place.row], structures, solved.solution)
     request = replace(row.request, references=references)
@@ -273,7 +272,9 @@ def collect(row: DescribedRow) -> RowMap:
         verdict=verdict,
         joint=joint,
     )
-    return row_map if row.place is None else in_row(row_map, row.place, row.request.against[row.place.row])
+    if row.place is None:
+        return row_map
+    return dates().in_row(row_map, row.place, row.request.against[row.place.row])
 
 
 def with_unchecked(plugin: str, part: Structure, joint: JointCovariance | None, largest_m: float) -> Structure:

@@ -15,7 +15,9 @@ from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
+from savmap.maps.exports import FORMATS, OneFrame
 from savmap.plugin import checks, hookspecs
+from savmap.plugin.apps import apps
 from savmap.plugin.calls import Hook, HookCaller
 from savmap.plugin.inspection import InspectionLimits
 from savmap.plugin.protocol import class_faults, implements
@@ -282,13 +284,13 @@ def set_up(name: str, make: Callable[[], Any], specifications: ModuleType) -> tu
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:
-    """Map formats by name: savmap's own, and those of every installed plugin that can be used, which win.
+    """Map formats by name: the core's, those of installed apps, and those of every installed plugin that can be used,
+    which win.
 
     Raises PluginError for a plugin that fails in the hook or gives something else.
     """
-    from savmap.maps.exports import core_exporters  # with all formats' weight
-
-    formats = dict(core_exporters())
+    targets = {**FORMATS, **{name: target for app in apps().values() for name, target in app.formats.items()}}
+    formats: dict[str, hookspecs.Exporter] = {name: OneFrame(target) for name, target in targets.items()}
     for name, plugin_class in load_installed().classes.items():
         if implements(plugin_class, "exporters"):
             formats.update(open_plugin(name, {}).exporters())

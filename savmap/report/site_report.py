@@ -1,31 +1,25 @@
 """The report of a map: what the plugins score and draw of it, and the page made from that."""
 
 import logging
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from savmap.errors import OutputError, SavmapError
-from savmap.files.atomic import sha256, write_text
-from savmap.maps.comparison import LEVEL, Comparison, compare_maps, comparison_text
-from savmap.maps.map_file import map_in, read_map, require_other
+from savmap.maps.map_file import map_in, read_map
 from savmap.maps.orthophoto_file import read_orthophotos
 from savmap.maps.run_record import LOG, RunLog, read_log
 from savmap.maps.survey import read_survey
+from savmap.plugin.apps import dates, viewer
 from savmap.plugin.manager import LoadedPlugin, load_installed, open_plugin
 from savmap.report.evaluation import evaluate_site
 from savmap.report.page import Report, write_page
-from savmap.report.page.comparison import Dates, write_comparison
-from savmap.report.viewer import Before, Origin, View, write_view
 from savmap.types import Drawing, Evaluation, JointCovariance, Orthophoto, RowMap, SiteMap, Still, Structure, Survey
 
 PluginsByRow = Mapping[str, Mapping[str, LoadedPlugin]]
 """Opened plugins by row and name."""
 StructuresByRow = dict[str, dict[str, list[Structure]]]
-VIEW = "view.html"
 log = logging.getLogger("savmap")
 _NO_ROW_IN_COMMON = "The survey has none of the rows that were mapped: there are no errors to show."
 
@@ -74,9 +68,16 @@ def write_report(
     survey = read_survey(survey_file) if survey_file else None
     photos = read_orthophotos(site_map.rows, map_file.parent)
     report = report_for(site_map, plugins_of_map(site_map), survey, log, photos=photos)
-    viewer = VIEW if map_file.parent == path.parent and map_file.with_name(VIEW).is_file() else ""
-    comparison = _before(map_in(against), site_map, LEVEL).comparison if against else None
-    write_page(replace(report, viewer=viewer, comparison=comparison), path)
+    page = viewer_page()
+    address = page if page and map_file.parent == path.parent and map_file.with_name(page).is_file() else ""
+    changes = dates().changes_since(map_in(against), site_map) if against else None
+    write_page(replace(report, viewer=address, changes=changes), path)
+
+
+def viewer_page() -> str:
+    """The name of the page that a viewer writes beside a map; empty where none is installed."""
+    shown_by = viewer()
+    return shown_by.PAGE if shown_by else ""
 
 
 def log_beside(site_map: SiteMap, map_file: Path) -> RunLog | None:
@@ -97,99 +98,6 @@ def _log_of(site_map: SiteMap, run_file: Path) -> RunLog:
             "give the run.json that lies beside the map, or leave --run out"
         )
     return log
-
-
-def viewed(
-    source: Path, survey_file: Path | None = None, fresh: bool = False, against: Path | None = None
-) -> tuple[Path, bool]:
-    """The viewer's page of a map.json, or of that in a folder, and whether it was written now: where there is none,
-    where that which is there is of another map, of another survey or another earlier map (`against`) than the one asked
-    for, or by another savmap, or `fresh`. Raises SavmapError."""
-    map_file, old_file = map_in(source), map_in(against) if against else None
-    page = map_file.with_name(VIEW)
-    origin = origin_of(map_file, survey_file, old_file)
-    if not fresh and origin.is_of(page):
-        return page, False
-    site_map = read_map(map_file)
-    evaluation = evaluation_of(site_map, read_survey(survey_file), plugins_of_map(site_map)) if survey_file else None
-    before = _before(old_file, site_map, LEVEL) if old_file else None
-    photos = read_orthophotos(site_map.rows, map_file.parent)
-    view = View(site_map, evaluation, _title_of(map_file), photos, None, origin, before, shown_places(site_map))
-    write_view(view, page)
-    return page, True
-
-
-def origin_of(map_file: Path, survey_file: Path | None, old_file: Path | None = None) -> Origin:
-    """What a viewer's page of these files says that it is made of. Raises OutputError."""
-    return Origin(*(sha256(file) if file else "" for file in (map_file, survey_file, old_file)))
-
-
-def _before(old_file: Path, new: SiteMap, level: float) -> Before:
-    """An earlier map compared with a later one, with the orthophotos that lie beside it."""
-    old = read_map(old_file)
-    comparison = compare_maps(old, new, (openings_of(old), openings_of(new)), level)
-    return Before(old, comparison, read_orthophotos(old.rows, old_file.parent), old_file.parent)
-
-
-def _title_of(map_file: Path) -> str:
-    return map_file.absolute().parent.name or "Site map"
-
-
-def compare_files(
-    old: Path,
-    new: Path,
-    level: float,
-    page: Path | None = None,
-    json_file: Path | None = None,
-    in_viewer: bool = False,
-) -> Comparison:
-    """Two map files, or those of two folders, compared, with the page and the JSON file that are wanted, and,
-    `in_viewer`, with a viewer's page of both dates beside the new map. The pages show the orthophotos that lie beside
-    both maps. Raises SavmapError."""
-    if page is not None and page.suffix.lower() not in (".html", ".htm"):
-        raise OutputError(f"{page}: a comparison's page is an HTML page; name it .html")
-    old_file, new_file = map_in(old), map_in(new)
-    view = new_file.with_name(VIEW)
-    require_other(json_file, old_file, new_file)
-    _require_distinct(page, json_file, view if in_viewer else None)
-    site_map = read_map(new_file)
-    before = _before(old_file, site_map, level)
-    if json_file is not None:
-        write_text(json_file, comparison_text(before.comparison))
-    photos = read_orthophotos(site_map.rows, new_file.parent) if page or in_viewer else {}
-    if page is not None:
-        viewer = address_from(page, view) if in_viewer else ""
-        names = ("old map", dated(before.site_map, old_file)), ("new map", dated(site_map, new_file))
-        dates = Dates(before.site_map, site_map, before.comparison, before.photos, photos, viewer=viewer, names=names)
-        write_comparison(dates, page)
-    if in_viewer:
-        origin = origin_of(new_file, None, old_file)
-        title, places = _title_of(new_file), shown_places(site_map)
-        write_view(View(site_map, None, title, photos, None, origin, before, places), view)
-    return before.comparison
-
-
-def dated(site_map: SiteMap, map_file: Path) -> str:
-    """A map's file, and the day on which it was made, where the run record beside it tells."""
-    log = log_beside(site_map, map_file)
-    return f"{map_file}, mapped on {log.ended[:10]}" if log and log.ended else f"{map_file}, date not recorded"
-
-
-def _require_distinct(*outputs: Path | None) -> None:
-    """Raise OutputError where two things would be written into one file."""
-    names = [path.absolute() for path in outputs if path is not None]
-    for path in names:
-        if names.count(path) > 1:
-            raise OutputError(f"{path}: is named for two things that would be written; give each a file of its own")
-
-
-def address_from(page: Path, target: Path) -> str:
-    """The address of a file as a page links to it; absolute where there is no way from one to the other."""
-    try:
-        way = os.path.relpath(target.absolute(), page.absolute().parent)
-    except ValueError:  # another drive
-        return target.absolute().as_uri()
-    return quote(Path(way).as_posix())
 
 
 def evaluate_files(map_file: Path, survey_file: Path) -> Evaluation:

@@ -6,23 +6,25 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from savmap.errors import visible
 from savmap.report.scene import swatch
 
+REPORT = "savmap.report"
 
-def rendered(template: str, **values: Any) -> str:
-    """A template filled, as text that can be encoded."""
-    text = _environment().get_template(template).render(values)
+
+def rendered(template: str, package: str = REPORT, **values: Any) -> str:
+    """A template of a package, or of the report, filled, as text that can be encoded."""
+    text = _environment(package).get_template(template).render(values)
     return "\n".join(visible(line.replace("\t", " ")) for line in text.split("\n"))
 
 
-def rendered_page(template: str, **values: Any) -> str:
+def rendered_page(template: str, package: str = REPORT, **values: Any) -> str:
     """A template of a whole page filled. It loads nothing, and only its own script may run in it (by its digest)."""
     script, style = resource("page.js"), resource("figure.css") + resource("page.css")
-    return rendered(template, style=Markup(style), script=Markup(script), digest=digest(script), **values)
+    return rendered(template, package, style=Markup(style), script=Markup(script), digest=digest(script), **values)
 
 
 def digest(text: str) -> str:
@@ -32,13 +34,13 @@ def digest(text: str) -> str:
 
 def resource(name: str) -> str:
     """A file that lies beside the templates."""
-    return (files("savmap.report") / "templates" / name).read_text(encoding="utf-8")
+    return (files(REPORT) / "templates" / name).read_text(encoding="utf-8")
 
 
 @cache
-def _environment() -> Environment:
+def _environment(package: str) -> Environment:
     environment = Environment(
-        loader=PackageLoader("savmap.report"),
+        loader=ChoiceLoader([PackageLoader(name) for name in dict.fromkeys((package, REPORT))]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -55,6 +55,7 @@ from savmap.types.pictures import Thresholds as Thresholds
 from savmap.types.pictures import View as View
 from savmap.types.pictures import ViewPlan as ViewPlan
 from savmap.types.pictures import ViewSpec as ViewSpec
+from savmap.types.places import RowPlace as RowPlace
 from savmap.types.planes import FilmedPanorama as FilmedPanorama
 from savmap.types.planes import Planes as Planes
 from savmap.types.planes import panorama_of as panorama_of

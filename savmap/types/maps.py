@@ -1,9 +1,8 @@
 """Records of maps: structures, rows, and rows in the frame of their site."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -429,10 +428,11 @@ class SiteMap:
         )
         return "; ".join(f"{len(names)} of {rows} {what}: {', '.join(names)}" for names, what in parts if names)
 
-    def _repr_html_(self) -> str:
-        """What a notebook shows of the map."""
-        shown: str = import_module("savmap.report.viewer.notebook").map_html(self)
-        return shown
+    html: ClassVar[Callable[["SiteMap"], str | None]] = staticmethod(lambda _: None)
+    """What a notebook shows of a map; set where there is something that can tell."""
+
+    def _repr_html_(self) -> str | None:
+        return SiteMap.html(self)
 
     def _vertices(self) -> Iterator[dict[str, object]]:
         for row in self.rows.values():

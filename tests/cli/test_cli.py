@@ -18,7 +18,7 @@ import typer
 
 from savmap.cli import main
 from savmap.cli.app import app
-from savmap.cli.commands import COMMANDS
+from savmap.cli.commands import COMMANDS, of_apps
 from savmap.maps.map_file import write_map
 from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Structure, Trajectory, Verdict
 
@@ -206,7 +206,9 @@ def test_interrupted_while_writing_leaves_what_was_there(
 
 def test_help_lists_the_commands_in_the_order_of_their_use(savmap: Savmap) -> None:
     lines = savmap("--help").out.partition("Commands:\n")[2].splitlines()
-    assert [line.split()[0] for line in lines] == list(COMMANDS)
+    heading = lines.index("With finished maps, and beside mapping:")
+    assert [line.split()[0] for line in lines[: heading - 1]] == list(COMMANDS)
+    assert [line.split()[0] for line in lines[heading + 1 :]] == list(of_apps())
     assert savmap().err == savmap("--help").out
     assert max(map(len, lines)) <= 80
 
@@ -268,7 +270,6 @@ def test_a_map_is_named_by_its_folder_too(savmap: Savmap, tmp_path: Path, argume
     [
         ("a.csv", "the row's own frame (metres: x along it to the right, y up, z out of the face)"),
         ("A.GLB", "the world's frame (metres, y up, as glTF has it), which is the map's own, for it is not aligned"),
-        ("a.building.yaml", "the world's frame (metres, z up), which is the map's own, for it is not aligned"),
     ],
 )
 def test_the_ending_of_an_exported_file_tells_its_format(

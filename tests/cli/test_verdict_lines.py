@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from savmap.apps.viewer.data import page_data
 from savmap.cli.mapping import verdict_lines
 from savmap.errors import MustCheckError, RowsFailedError, SolveError
 from savmap.jobs.map_site import SiteRun
 from savmap.maps.run_record import RunLog
-from savmap.report.viewer.data import page_data
 from savmap.site.job import Job
 from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict
 from savmap.types.maps import PROVISIONAL

@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from savmap.apps.live import session
+from savmap.apps.live.session import LiveMapping
+from savmap.apps.live.sources import live_job
 from savmap.cli.app import _command, app
 from savmap.errors import ChangedError, MustCheckError, NothingComparedError
 from savmap.files import journal
 from savmap.jobs.cache import _FrameParts
-from savmap.live import session
-from savmap.live.session import LiveMapping
-from savmap.live.sources import live_job
 from savmap.maps.map_file import read_map
 from savmap.site.sections import CameraSection
 from savmap.types import Floats

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from savmap.apps.exchange.imports import model
+from savmap.apps.live.mapper import Mapper
 from savmap.errors import MustCheckError
 from savmap.jobs.executors import ProcessExecutor
-from savmap.live.mapper import Mapper
-from savmap.maps.imports import model
 
 from ..video.made_up_video import demos_beginning
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from savmap.apps.viewer.beside import viewed
 from savmap.errors import PluginError, SolveError
 from savmap.jobs.map_site import SiteRun, in_one_frame, in_users_world, map_job_into, with_footage
 from savmap.jobs.scheduler import MappedRows, RunOptions, _Progress
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import FootageFile, RowRun, RunLog
-from savmap.report.site_report import viewed
 from savmap.site.job import Job, job_for
 from savmap.site.overrides import overrides_of
 from savmap.types import FrameTable, MapWarning, RowMap, SiteMap, Trajectory, Verdict

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from opened_page import BROWSER, Open
 
-from savmap.report.viewer import View, write_view
+from savmap.apps.viewer.page import View, write_view
 
 
 @pytest.fixture(scope="module")

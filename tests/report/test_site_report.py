@@ -12,12 +12,13 @@ import pytest
 from made_up_map import row as made_up_row
 from typer.testing import CliRunner
 
+from savmap.apps.viewer.beside import viewed
 from savmap.cli.app import app
 from savmap.errors import OutputError
 from savmap.maps.map_file import write_map
 from savmap.maps.run_record import RowRun, RunLog, write_log
 from savmap.report.page import page_text
-from savmap.report.site_report import drawings_of, plugins_of_map, report_for, viewed, write_report
+from savmap.report.site_report import drawings_of, plugins_of_map, report_for, write_report
 from savmap.types import Drawing, FrameTable, MapWarning, RowMap, Score, SiteMap, Structure, Survey, Trajectory, Verdict
 
 ATTRIBUTES: dict[str, Any] = {"width_m": 0.1, "width_sigma_m": 0.004}

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from savmap.apps.split.find import split
 from savmap.errors import OutputError, SiteError, VideoError
 from savmap.files.yaml_text import load
 from savmap.site.load import load_site
@@ -17,7 +18,6 @@ from savmap.site.locations import SourceMap
 from savmap.site.model import Site
 from savmap.site.preflight import settings_problems
 from savmap.site.template import start, starter_text
-from savmap.split import split
 from savmap.video.reader import probe
 
 NO_MAC = pytest.mark.skipif(sys.platform == "darwin", reason="macOS has UTF-8 alone in names")

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 import savmap
+from savmap.apps.split.frame_pairs import coarse_stamps, pictures_at
 from savmap.errors import VideoError
-from savmap.split.frame_pairs import coarse_stamps, pictures_at
 from savmap.video.clip import Clip, DecodeReport
 from savmap.video.reader import check_camera, panoramas, preview_frames, probe
 

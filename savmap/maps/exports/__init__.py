@@ -1,11 +1,12 @@
 """A map in formats that other programs read.
 
-A format is a function `(SiteMap, Path)` in a module of this package, named in `FORMATS`. Libraries that one format
-alone needs are imported by its function, and are extras.
+A format is a function `(SiteMap, Path)`: the core's are named in `FORMATS`, others are those of apps and plugins
+(`savmap.plugin.manager.exporters`). Libraries that one format alone needs are imported by its function, and are extras.
 """
 
 from codecs import BOM_UTF8
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -16,56 +17,33 @@ from savmap.types import SiteMap
 Exporter = Callable[[SiteMap, Path], None]
 
 FORMATS = {
-    "csv": "vertices:write_csv",
-    "ply": "vertices:write_ply",
-    "tum": "trajectories:write_tum",
-    "colmap": "trajectories:write_colmap",
-    "nerfstudio": "trajectories:write_nerfstudio",
-    "mcap": "recordings:write_mcap",
-    "rosbag2": "recordings:write_rosbag2",
-    "rrd": "recordings:write_rerun",
-    "glb": "models.glb:write_glb",
-    "usda": "models.usd:write_usda",
-    "usdc": "models.usd:write_usdc",
-    "ifc": "models.ifc:write_ifc4",
-    "ifc4x3": "models.ifc:write_ifc4x3",
-    "dxf": "models.dxf:write_dxf",
-    "nav2": "plans.nav2:write_nav2",
-    "lif": "plans.fleets:write_lif",
-    "vda5050-zones": "plans.fleets:write_zone_set",
-    "open-rmf": "plans.open_rmf:write_building",
-    "geojson": "plans.geojson:write_geojson",
-    "imdf": "plans.imdf:write_imdf",
+    "csv": f"{__name__}.vertices:write_csv",
+    "ply": f"{__name__}.vertices:write_ply",
+    "glb": f"{__name__}.models.glb:write_glb",
+    "geojson": f"{__name__}.plans.geojson:write_geojson",
 }
-"""Formats that come with savmap, by name: the module and the function."""
-
-
-ENDINGS = {".lif.json": "lif", ".building.yaml": "open-rmf"}
-"""Formats by endings of files that are not the formats' names."""
+"""The core's formats by name: where each one's function is."""
 
 
 def format_of(path: Path, formats: Collection[str]) -> str:
     """The name of the format that a file's ending tells. Raises SiteError, which names the formats, where it tells
     none."""
-    names = [name for ending, name in ENDINGS.items() if path.name.lower().endswith(ending)]
-    for name in (*names, path.suffix.removeprefix(".").lower()):
+    for name in (ending.removeprefix(".").lower() for ending in reversed(path.suffixes)):
         if name in formats:
             return name
     raise SiteError(f"{path}: its ending tells no format; give one with --format: {', '.join(sorted(formats))}")
 
 
-def core_exporters() -> dict[str, Exporter]:
-    """The formats that come with savmap, by name. A module is imported when its format is written."""
-    return {name: _exporter(place) for name, place in FORMATS.items()}
+@dataclass(frozen=True)
+class OneFrame:
+    """An exporter ("module:function") that is imported when it writes, and is given rows of one frame (CSV, whose lines
+    say their frame: all)."""
 
+    target: str
 
-def _exporter(place: str) -> Exporter:
-    module, _, function = place.partition(":")
-
-    def write(site: SiteMap, path: Path) -> None:
-        getattr(import_module(f"{__name__}.{module}"), function)(site, path)
-
-    return write
+    def __call__(self, site: SiteMap, path: Path) -> None:
+        module, _, function = self.target.partition(":")
+        getattr(import_module(module), function)(site, path)
 
 
 def export_map(
@@ -80,7 +58,7 @@ def export_map(
         raise SiteError(f"format {name}: known formats are {', '.join(sorted(formats))}{remark}")
     if bom and not name.endswith("csv"):
         raise SiteError(f"--bom is for CSV, not for {name}")
-    site, note = in_one_frame(site_map) if name in FORMATS and name != "csv" else (site_map, "")
+    site, note = in_one_frame(site_map) if isinstance(formats[name], OneFrame) and name != "csv" else (site_map, "")
 
     def write(part: Path) -> None:
         formats[name](site, part)

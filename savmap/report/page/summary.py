@@ -8,8 +8,8 @@ from itertools import chain
 
 import numpy as np
 
-from savmap.maps.comparison import Comparison
 from savmap.maps.run_record import RowRun, RunLog
+from savmap.plugin.apps import Changes
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import anchors, natural
 from savmap.report.row_views import label_counts
@@ -47,7 +47,7 @@ class Report:
     photos: Mapping[str, Orthophoto] = field(default_factory=dict)
     viewer: str = ""
     stills: Mapping[str, Sequence[Still]] = field(default_factory=dict)
-    comparison: Comparison | None = None
+    changes: Changes | None = None
     places: Mapping[str, Mapping[str, Sequence[Structure]]] = field(default_factory=dict)
 
 

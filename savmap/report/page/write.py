@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from savmap.files.atomic import write_bytes
 from savmap.report.box_plot import box_plot
 from savmap.report.evaluation import mean_absolute_error, named_counts
 from savmap.report.numbers import centimetres, duration, fixed
 from savmap.report.orthophotos import photo_view
-from savmap.report.page.comparison import row_changes
 from savmap.report.page.footage import FootageView, footage_views
 from savmap.report.page.site_plan import site_plan
 from savmap.report.page.summary import Report, Summary, summaries, total_counts
@@ -62,7 +62,7 @@ def page_text(report: Report) -> str:
         unplaced=[row.name for row in rows if row.name not in report.site_map.placements],
         references=reference_table(rows),
         sigmas=sigma_table(rows),
-        changes=row_changes(report.comparison) if report.comparison else None,
+        changes=Markup(report.changes.section(report.viewer)) if report.changes else "",
         alignment=alignment_table(alignment) if alignment else None,
         stands=alignment_facts(alignment) if alignment else None,
         pairs=pair_table(ties) if ties else None,

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from savmap.apps.exchange.recordings import MapRecorder
 from savmap.errors import OutputError
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.jobs.api import export
 from savmap.maps.exports.frames import world_from_site
-from savmap.maps.exports.recordings import MapRecorder
 from savmap.types import Floats, FrameTable, Placement, RowMap, SiteMap, Structure, Trajectory
 
 HOSTILE = '"\n</script>\u202e\\../x 日本'

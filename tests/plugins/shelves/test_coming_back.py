@@ -8,10 +8,10 @@ import pytest
 
 from bench.observed_rows import driven_along
 from savmap import graph
+from savmap.apps.dates.returning.update import updated
 from savmap.errors import StructureError
 from savmap.graph import References
 from savmap.lab.sim.observations import MaskErrors
-from savmap.maps.returning.update import updated
 from savmap.pipeline.records import LocatedRow, MeasuredRow, RowRequest, SolvedRow
 from savmap.pipeline.row import collect, constrain, describe, locate, recognise, track
 from savmap.plugin.manager import open_plugin

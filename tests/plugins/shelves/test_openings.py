@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from perfect_maps import structures_of, surveyed_row
 
+from savmap.apps.dates.comparison import compare_maps
 from savmap.errors import OutputError
-from savmap.maps.comparison import compare_maps
 from savmap.maps.search import find_structures
 from savmap.plugin.manager import open_plugin
 from savmap.report.site_report import places_of

@@ -10,10 +10,10 @@ import pytest
 from perfect_maps import structures_of, surveyed_row
 
 import savmap
+from savmap.apps.exchange.imports.records import element
 from savmap.cli.app import app
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import world_from_row
-from savmap.maps.imports.records import element
 from savmap.maps.map_file import read_map, write_map
 from savmap.types import (
     Alignment,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import savmap
-from savmap.maps.exports.models.dxf import dimensions, drawn_text
+from savmap.apps.exchange.dxf import dimensions, drawn_text
 from savmap.types import Floats, SiteMap
 
 from .made_up_models import DEPTH_NOTE, EVIL, NEAREST_M, distance_m, expected, hostile_site, made_up_site, row, things

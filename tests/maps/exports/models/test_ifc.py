@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import savmap
-from savmap.maps.exports.models.ifc import ifc_text
+from savmap.apps.exchange.ifc import ifc_text
 from savmap.types import Floats, SiteMap
 
 from .made_up_models import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import savmap
-from savmap.maps.exports.models.usd import quoted
+from savmap.apps.exchange.usd import quoted
 from savmap.types import Floats, SiteMap
 
 from .made_up_models import (

@@ -1,25 +1,19 @@
-"""GeoJSON and IMDF: longitude and latitude by the anchor, read back by the formulas of the other direction."""
+"""GeoJSON: longitude and latitude by the anchor, read back by the formulas of the other direction."""
 
 import json
-import uuid
-import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from made_up_hall import ALIGNED, ANCHOR, HOSTILE, hall
+from made_up_hall import ALIGNED, ANCHOR, hall
 
 from savmap.errors import OutputError
 from savmap.maps.exports.frames import elements
 from savmap.maps.exports.plans.footprints import footprints
 from savmap.maps.exports.plans.geojson import write_geojson
-from savmap.maps.exports.plans.imdf import write_imdf
-from savmap.types import SiteMap, Structure
-
-FEATURES = {"address", "venue", "building", "footprint", "level", "fixture"}
+from savmap.types import Structure
 
 
 def centred(longitude: float, latitude: float) -> np.ndarray:
@@ -87,39 +81,10 @@ def test_positions_agree_with_another_library(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.column_stack([east, north]), footprint.outline, atol=1e-4)
 
 
-@pytest.mark.parametrize("write", [write_geojson, write_imdf])
-def test_without_an_anchor_it_is_refused(tmp_path: Path, write: Callable[[SiteMap, Path], None]) -> None:
+def test_without_an_anchor_it_is_refused(tmp_path: Path) -> None:
     for alignment in (None, replace(ALIGNED, anchor=None)):
         with pytest.raises(OutputError, match="give `align:` with an `anchor:`"):
-            write(hall(alignment), tmp_path / "a")
+            write_geojson(hall(alignment), tmp_path / "a")
     with pytest.raises(OutputError, match=r"is 5000 km from the `anchor:`"):
-        write(hall(replace(ALIGNED, y_m=5e6)), tmp_path / "a")
+        write_geojson(hall(replace(ALIGNED, y_m=5e6)), tmp_path / "a")
     assert not (tmp_path / "a").exists()
-
-
-def test_imdf_is_an_archive_as_its_specification_says(tmp_path: Path) -> None:
-    write_imdf(hall(), tmp_path / "a.zip")
-    with zipfile.ZipFile(tmp_path / "a.zip") as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
-    manifest = json.loads(files.pop("manifest.json"))
-    assert (manifest["version"], manifest["language"]) == ("1.0.0", "en")
-    assert manifest["created"] == "2026-02-02T02:40:00+00:00"
-    assert set(files) == {f"{kind}.geojson" for kind in FEATURES}
-    by_kind = {name.removesuffix(".geojson"): collection(text)["features"] for name, text in files.items()}
-    ids = [feature["id"] for features in by_kind.values() for feature in features]
-    assert len(set(ids)) == len(ids)
-    assert all(uuid.UUID(one).version == 4 for one in ids)
-    assert all(feature["feature_type"] == kind for kind, features in by_kind.items() for feature in features)
-    assert by_kind["address"][0]["geometry"] is None
-    assert by_kind["building"][0]["geometry"] is None
-    (venue,), (level,), (building,) = (by_kind[kind] for kind in ("venue", "level", "building"))
-    assert venue["properties"]["address_id"] == by_kind["address"][0]["id"]
-    assert level["properties"]["building_ids"] == [building["id"]]
-    assert by_kind["footprint"][0]["properties"]["building_ids"] == [building["id"]]
-    assert len(by_kind["fixture"]) == 8
-    for fixture in by_kind["fixture"]:
-        assert fixture["properties"]["level_id"] == level["id"]
-        assert turned_left(fixture["geometry"]["coordinates"][0])
-    names = [fixture["properties"]["name"]["en"] for fixture in by_kind["fixture"]]
-    assert len(set(names)) == 8
-    assert not any(HOSTILE in name for name in names)

@@ -14,11 +14,10 @@ import yaml
 from made_up_hall import HOSTILE, PLACES, hall, plate, section, world
 from PIL import Image
 
+from savmap.apps.exchange.fleets import write_lif
+from savmap.apps.exchange.nav2 import write_nav2
 from savmap.errors import OutputError
-from savmap.maps.exports.plans.fleets import write_lif, write_zone_set
 from savmap.maps.exports.plans.footprints import obstacles
-from savmap.maps.exports.plans.nav2 import write_nav2
-from savmap.maps.exports.plans.open_rmf import write_building
 from savmap.maps.exports.plans.routes import route_graph
 from savmap.types import Alignment, SiteMap, Structure
 
@@ -71,35 +70,12 @@ LIF = record(
     ),
     layouts=several(LAYOUT, 1),
 )
-ZONE_TYPES = (
-    "BLOCKED LINE_GUIDED RELEASE COORDINATED_REPLANNING SPEED_LIMIT ACTION PRIORITY PENALTY DIRECTED BIDIRECTED"
-)
-ZONES = record(
-    *("headerId", "timestamp", "version", "manufacturer", "serialNumber", "zoneSet"),
-    headerId={"type": "integer"},
-    serialNumber={"type": "string"},
-    version={"const": "3.0.0"},
-    zoneSet=record(
-        *("mapId", "zoneSetId", "zones"),
-        zones=several(
-            record(
-                *("zoneId", "zoneType", "vertices"),
-                zoneType={"enum": ZONE_TYPES.split()},
-                vertices=several(record("x", "y", x=NUMBER, y=NUMBER), 3),
-            )
-        ),
-    ),
-)
 
 
 def unzipped(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as archive:
         assert archive.testzip() is None
         return {name: archive.read(name) for name in archive.namelist()}
-
-
-def outlines(site: SiteMap) -> list[np.ndarray]:
-    return [footprint.outline for footprint in obstacles(site)]
 
 
 def test_the_keep_out_mask_is_black_where_solids_stand(tmp_path: Path) -> None:
@@ -144,7 +120,7 @@ def test_vector_objects_are_closed_polygons(tmp_path: Path) -> None:
     text = unzipped(tmp_path / "nav2.zip")["vector_objects.yaml"].decode()
     settings = yaml.safe_load(text)["vector_object_server"]["ros__parameters"]
     assert len(settings["shapes"]) == 6
-    for name, outline in zip(settings["shapes"], outlines(hall()), strict=True):
+    for name, outline in zip(settings["shapes"], (footprint.outline for footprint in obstacles(hall())), strict=True):
         shape = settings[name]
         assert (shape["type"], shape["closed"], shape["frame_id"]) == ("polygon", True, "map")
         np.testing.assert_allclose(np.reshape(shape["points"], (-1, 2)), outline, atol=1e-4)
@@ -199,41 +175,6 @@ def test_sections_are_stations_before_which_vehicles_stop(tmp_path: Path) -> Non
     assert len({node["nodeId"] for node in layout["nodes"]}) == len(layout["nodes"])
 
 
-def test_zones_are_as_vda_5050_says(tmp_path: Path) -> None:
-    write_zone_set(hall(), tmp_path / "a.json")
-    content = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
-    jsonschema.validate(content, ZONES)
-    zones = content["zoneSet"]["zones"]
-    assert {zone["zoneType"] for zone in zones} == {"BLOCKED"}
-    assert len({zone["zoneId"] for zone in zones}) == len(zones) == 6
-    for zone, outline in zip(zones, outlines(hall()), strict=True):
-        np.testing.assert_allclose([[v["x"], v["y"]] for v in zone["vertices"]], outline, atol=1e-4)
-    assert "\\n=cmd" in zones[3]["zoneId"]
-    assert "\n" not in zones[3]["zoneId"]
-
-
-def test_open_rmf_has_lanes_and_walls_in_metres(tmp_path: Path) -> None:
-    write_building(hall(), tmp_path / "a.building.yaml")
-    building = yaml.safe_load((tmp_path / "a.building.yaml").read_text(encoding="utf-8"))
-    assert building["coordinate_system"] == "cartesian_meters"
-    level = building["levels"]["L1"]
-    vertices = np.array([vertex[:2] for vertex in level["vertices"]], dtype=float)
-    graph = route_graph(hall())
-    np.testing.assert_allclose(vertices[: len(graph.nodes)], graph.nodes, atol=1e-4)
-    assert [tuple(lane[:2]) for lane in level["lanes"]] == list(graph.edges)
-    assert all(lane[2]["bidirectional"] == [4, True] for lane in level["lanes"])
-    start, end = (vertices[k] for k in level["walls"][2][:2])
-    np.testing.assert_allclose([start, end], [world(0.1, -0.025), world(11.9, -0.025)], atol=1e-4)
-    assert len(level["walls"]) == 6
-    (floor,) = level["floors"]
-    ground = vertices[floor["vertices"]]
-    sides = np.roll(ground, -1, axis=0) - ground
-    for place in vertices[: floor["vertices"][0]]:
-        assert np.all(sides[:, 0] * (place - ground)[:, 1] - sides[:, 1] * (place - ground)[:, 0] > 0)
-    names = [vertex[3] for vertex in level["vertices"] if vertex[3]]
-    assert len(set(names)) == len(names)
-
-
 NOTE = "assumed depth, neither measured nor given: post 1 m, bar 0.05 m"
 
 
@@ -249,18 +190,9 @@ def with_depths_given(site: SiteMap) -> SiteMap:
 
 
 def test_depths_that_are_assumed_are_told(tmp_path: Path) -> None:
-    for name, write in (("zip", write_nav2), ("json", write_zone_set), ("yaml", write_building)):
-        write(hall(), tmp_path / f"a.{name}")
-        write(with_depths_given(hall()), tmp_path / f"given.{name}")
+    write_nav2(hall(), tmp_path / "a.zip")
+    write_nav2(with_depths_given(hall()), tmp_path / "given.zip")
     files = unzipped(tmp_path / "a.zip")
     assert files["keepout.yaml"].startswith(f"# {NOTE}\nimage".encode())
     assert files["vector_objects.yaml"].startswith(f"# {NOTE}\n# solid_1".encode())
-    assert (tmp_path / "a.yaml").read_text(encoding="utf-8").startswith(f"# {NOTE}\n")
-    zones = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["zoneSet"]
-    assert zones["zoneSetDescriptor"].endswith(f"; {NOTE}")
-    assert zones["zones"][0]["zoneDescriptor"] == "post of row A, depth assumed"
-    given = [
-        *unzipped(tmp_path / "given.zip").values(),
-        *((tmp_path / f"given.{end}").read_bytes() for end in ("json", "yaml")),
-    ]
-    assert not any(b"assumed" in text for text in given)
+    assert not any(b"assumed" in text for text in unzipped(tmp_path / "given.zip").values())

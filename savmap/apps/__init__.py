@@ -1,0 +1,1 @@
+"""Apps that come with savmap. Each names what it brings in an `App` (`savmap.plugin.apps`)."""

@@ -1,0 +1,160 @@
+"""From a recording to its passes, a site file with a row for each side of each pass, and a contact sheet."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from savmap.apps.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps
+from savmap.apps.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
+from savmap.apps.split.passes import find_passes
+from savmap.apps.split.records import DetectedPass, SplitResult, SplitSettings
+from savmap.apps.split.site_rows import add_to_site, check_new, new_site
+from savmap.errors import StructureError, VideoError
+from savmap.files.atomic import write_bytes
+from savmap.files.yaml_text import path_text
+from savmap.types.progress import Monitor, SilentMonitor
+from savmap.video.clip import DecodeReport, Image, VideoInfo
+from savmap.video.motion import WIDTH, FramePair, Motion, exposed_as, likeness, motion_of, strip_flow
+from savmap.video.reader import probe
+
+DEFAULTS = SplitSettings()
+Span = tuple[float, float]
+
+
+class CutWatch:
+    """Notes where a pair of a recording is not like the one before: where the picture changes all at once, what was
+    straight before need not be the same drive after."""
+
+    def __init__(self, settings: SplitSettings) -> None:
+        self.settings = settings
+        self.suspects: list[Span] = []
+        self._last: FramePair | None = None
+
+    def over(self, pairs: Iterable[FramePair]) -> Iterator[FramePair]:
+        """The pairs themselves."""
+        for pair in pairs:
+            if self._last is not None and alike(self._last.second, pair.first) < self.settings.suspect:
+                self.suspects.append((self._last.stamp_s + self._last.gap_s, pair.stamp_s))
+            self._last = pair
+            yield pair
+
+
+def split(
+    recording: Path,
+    output: Path = Path("site.yaml"),
+    into: Path | None = None,
+    sheet: Path | None = None,
+    settings: SplitSettings = DEFAULTS,
+    monitor: Monitor | None = None,
+) -> SplitResult:
+    """Find a recording's passes, and write them into a new site file, or into an existing one (`into`), with a contact
+    sheet.
+
+    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found, SiteError and
+    OutputError for files that are in the way or cannot be written.
+    """
+    path_text(str(recording.absolute()))  # a name that cannot be written is told at once
+    if into is None:
+        check_new(output)
+    if sheet is not None:
+        check_picture(sheet)
+    result = find(recording, settings, monitor)
+    if into is None:
+        new_site(result.passes, recording, output)
+    else:
+        add_to_site(result.passes, recording, into)
+    if sheet is not None:
+        stamps = [stamp for detected in result.passes for stamp in picture_stamps(detected)]
+        pictures = pictures_at(probe(recording), stamps, THUMB_WIDTH)
+        write_bytes(sheet, contact_sheet(result.passes, pictures, result.stamps_s, result.travel_deg))
+    return result
+
+
+def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor | None = None) -> SplitResult:
+    """The passes of a recording: sampled coarsely, then more finely where passes begin and end.
+
+    Raises VideoError for a file that is no panoramic video, StructureError where no pass is found.
+    """
+    info = probe(recording)
+    if info.codec == "images":
+        raise VideoError(f"{recording}: is a folder of pictures; only a video is split into passes")
+    report, monitor = DecodeReport(), monitor or SilentMonitor()
+    watch = CutWatch(settings)
+    coarse_s = coarse_stamps(info, settings.every_s)
+    motions = _motions(info, coarse_s, settings, report, monitor, "looking for passes", watch)
+    if len(motions) < 2:
+        raise VideoError(
+            f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged"
+        )
+    cuts_s = cuts(info, watch.suspects, settings)
+    coarse = find_passes(motions, settings, cuts_s)
+    closer = _closer_stamps(coarse.passes, motions, settings)
+    motions += _motions(info, closer, settings, report, monitor, "looking closer at their ends")
+    result = find_passes(_in_order(motions), settings, cuts_s)
+    if not result.passes:
+        raise StructureError(
+            f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more "
+            "with structure close beside it; is it a drive through aisles, in equirectangular video?"
+        )
+    frames = round(info.duration_s * info.rate_fps)
+    return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, frames=frames)
+
+
+def _motions(
+    info: VideoInfo,
+    stamps_s: list[float],
+    settings: SplitSettings,
+    report: DecodeReport,
+    monitor: Monitor,
+    doing: str,
+    watch: CutWatch | None = None,
+) -> list[Motion]:
+    pairs = frame_pairs(info, stamps_s, settings, report)
+    pairs = pairs if watch is None else watch.over(pairs)
+    return [motion_of(pair) for pair in monitor.each(pairs, doing, len(stamps_s))]
+
+
+def _closer_stamps(passes: tuple[DetectedPass, ...], motions: list[Motion], settings: SplitSettings) -> list[float]:
+    """Times around the passes' ends, between the samples there."""
+    ends = [end for detected in passes for end in (detected.start_s, detected.end_s)]
+    stamps = [motion.stamp_s for motion in motions]
+    wanted = set[float]()
+    for before, after in pairwise(stamps):
+        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
+            parts = round((after - before) / settings.closer_s)
+            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
+    return sorted(wanted)
+
+
+def _in_order(motions: list[Motion]) -> list[Motion]:
+    """Sorted by time, each time once."""
+    return [motion for _, motion in sorted({motion.stamp_s: motion for motion in motions}.items())]
+
+
+def alike(first: Image, second: Image) -> float:
+    """How alike two grey panoramas are, 0 to 1, once the camera's motion is allowed for."""
+    a, b = (
+        cv2.resize(image, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA).astype(np.uint8)
+        for image in (first, second)
+    )
+    return likeness(strip_flow(FramePair(0.0, 1.0, a, exposed_as(b, a))))
+
+
+def cuts(info: VideoInfo, suspects: Sequence[Span], settings: SplitSettings) -> list[float]:
+    """The times, s, of the cuts within spans in which one is suspected, from more pictures there."""
+    times = []
+    for start, end in suspects:
+        parts = max(1, round((end - start) / settings.closer_s))
+        stamps = [start + (end - start) * part / parts for part in range(parts + 1)]
+        greys = [
+            cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.uint8) for picture in pictures_at(info, stamps, WIDTH)
+        ]
+        steps = [alike(first, second) for first, second in pairwise(greys)]
+        worst = int(np.argmin(steps))
+        if steps[worst] < settings.cut:
+            times.append((stamps[worst] + stamps[worst + 1]) / 2)
+    return times

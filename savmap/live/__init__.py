@@ -1,1 +1,0 @@
-"""Mapping while one walks: a session takes frames as they come, says what to do better, and maps what it has seen."""
