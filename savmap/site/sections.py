@@ -483,7 +483,7 @@ class AlignSection(Strict):
     sigma_deg: Annotated[float, Field(gt=0, le=90)] = 0.5
     """Standard deviation of heading_deg."""
     anchor: Anchor | None = None
-    """Where the user's world is on the Earth, for GeoJSON and IMDF."""
+    """Where the user's world is on the Earth, for GeoJSON."""
 
     @model_validator(mode="after")
     def _one_way(self) -> "AlignSection":
