@@ -12,8 +12,8 @@ from savmap.types import RowMap, SiteMap
 
 
 def back_in_map(job: Job, mapped: MappedRows, made_by: Mapping[str, str]) -> tuple[MappedRows, SiteMap, Changes]:
-    """What was mapped of a job's rows, by the names of the earlier map's rows, that map with it, and what
-    changed. Raises StructureError where two of the job's rows are one row of the map, or where what was mapped does not fit there."""
+    """What was mapped of a job's rows, by the names of the earlier map's rows, that map with it, and what changed.
+    Raises StructureError where two of the job's rows are one row of the map, or where what was mapped does not fit."""
     assert job.against is not None
     names: dict[str, str] = {}
     passes: dict[str, RowMap] = {}
