@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from savmap.apps.live.rows import LiveRows
 from savmap.apps.live.session import LiveMapping, LiveState, end_told
 from savmap.apps.live.sources import recorded_job
+from savmap.apps.live.streams import FrameRecorder
 from savmap.errors import VideoError
 from savmap.files.urls import where
 from savmap.jobs.cache import locked
@@ -18,7 +19,6 @@ from savmap.site.job import prepare
 from savmap.site.overrides import overrides_of
 from savmap.types import Panorama, SiteMap
 from savmap.types.progress import Monitor, SilentMonitor
-from savmap.video.streams import FrameRecorder
 
 PathLike = str | Path
 

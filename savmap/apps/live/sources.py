@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from savmap.apps.live.streams import camera_frames, growing_folder, paced
 from savmap.apps.split.find import find
 from savmap.apps.split.site_rows import rows_of
 from savmap.errors import OutputError, SiteError
@@ -16,7 +17,6 @@ from savmap.types import Panorama
 from savmap.types.progress import Monitor
 from savmap.video.clip import Clip, is_folder
 from savmap.video.reader import panoramas
-from savmap.video.streams import camera_frames, growing_folder, paced
 
 RECORDING, ENDING = "recording", ".mkv"
 

@@ -8,7 +8,6 @@ from savmap.plugin.apps import Command, apps
 _COMMANDS = "savmap.cli.commands"
 COMMANDS: Mapping[str, Command] = {
     "map": Command(f"{_COMMANDS}.mapping:map_", "Map a site (default: site.yaml of this folder) or one video."),
-    "plane": Command(f"{_COMMANDS}.mapping:plane", "Find the path of any drive, and picture a wall beside it."),
     "init": Command(f"{_COMMANDS}.mapping:init", "Write a commented site file to start from."),
     "check": Command(f"{_COMMANDS}.mapping:check", "Say what is wrong with a site file, and what a run will take."),
     "demo": Command(f"{_COMMANDS}.mapping:demo", "Map the footage that ships with savmap and score it."),

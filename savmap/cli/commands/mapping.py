@@ -78,26 +78,6 @@ def map_(
         preview_and_print(job) if preview else map_and_print(job, jobs, fresh, cluster)
 
 
-def plane(
-    video: Annotated[Path, typer.Argument(metavar="VIDEO", help="A panoramic video, or a folder of pictures.")],
-    side: Annotated[str, typer.Option(help="left or right: the hand the wall is on as one goes along.")],
-    distance: Annotated[float, typer.Option(min=0.05, help="How far the camera is from the wall, m.")],
-    output: Output = Path("out"),
-) -> None:
-    """Find the path of a drive past any upright wall, and make a picture of the wall without perspective. No structure
-    is looked for, and no plugin is needed; the map has the path alone."""
-    from savmap.cli.console import Console
-    from savmap.jobs.plane import map_plane
-    from savmap.site.job import side_of
-
-    with Console(Path(os.devnull)) as console:
-        result = map_plane(video, side_of(side), distance, output, console)
-    say(f"the path of {len(result.path.frames)} key frames is {result.length_m:.2f} m long")
-    say(f"wrote {output / 'map.json'}")
-    if result.photo is not None:
-        say(f"wrote {output / 'plane.jpg'}: {1000 * result.photo.pixel_m:g} mm a pixel")
-
-
 def init(
     videos: Annotated[list[Path] | None, typer.Argument(metavar="VIDEO", help="A row is made for each.")] = None,
     output: Annotated[Path, output_option("The site file to write.")] = Path("site.yaml"),

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from savmap.apps.plane.wall import BesideDrive, map_plane
 from savmap.cli.app import app
 from savmap.errors import SiteError
 from savmap.geometry.sphere import rays_from_panorama_pixels
-from savmap.jobs.plane import BesideDrive, map_plane
 from savmap.maps.map_file import read_map
 from savmap.site.job import side_of
 from savmap.types.progress import SilentMonitor

@@ -13,14 +13,14 @@ import cv2
 import numpy as np
 import pytest
 
+from savmap.apps.live import streams
+from savmap.apps.live.streams import FrameRecorder, camera_frames, growing_folder, paced
 from savmap.errors import OutputError, VideoError
 from savmap.types import Panorama
-from savmap.video import streams
 from savmap.video.clip import Clip
 from savmap.video.reader import panoramas
-from savmap.video.streams import FrameRecorder, camera_frames, growing_folder, paced
 
-from .made_up_video import evenly, picture, write_video
+from ...video.made_up_video import evenly, picture, write_video
 
 
 def fill(folder: Path, count: int, pause_s: float = 0.0) -> None:
@@ -121,7 +121,7 @@ def test_camera_with_odd_times_is_recorded_whole(
         made = opened(file, mode, *given, **options)
         return Odd(made, TIMES[times]) if file == str(video) else made
 
-    monkeypatch.setattr("savmap.video.streams.av.open", camera)
+    monkeypatch.setattr("savmap.apps.live.streams.av.open", camera)
     came = list(camera_frames(str(video), tmp_path / "recording.mkv", 30.0))
     monkeypatch.undo()
     assert len(came) == 20
@@ -145,7 +145,7 @@ def test_camera_that_cannot_be_opened(tmp_path: Path) -> None:
 
 
 def test_camera_that_sends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("savmap.video.streams.OPENING_S", 0.2)
+    monkeypatch.setattr("savmap.apps.live.streams.OPENING_S", 0.2)
     with pytest.raises(VideoError, match=r"cannot be opened \(nothing came for 0\.2 s\); is the camera on"):
         next(camera_frames("udp://127.0.0.1:0", tmp_path / "recording.mkv", 15.0))
 
