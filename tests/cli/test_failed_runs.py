@@ -53,7 +53,8 @@ def maps(monkeypatch: pytest.MonkeyPatch, **more: Any) -> None:
 
     monkeypatch.setattr("savmap.jobs.map_site.map_rows_of", mapped)
     monkeypatch.setattr("savmap.jobs.map_site.made_by", lambda _: {"savmap": "0"})
-    for name in ("report_for", "write_page", "write_view", "write_row_view", "plugins_for"):
+    monkeypatch.setattr("savmap.jobs.map_site.viewer", lambda: None)
+    for name in ("report_for", "write_page", "write_row_view", "plugins_for"):
         monkeypatch.setattr(f"savmap.jobs.map_site.{name}", lambda *_, **__: _Anything())
     monkeypatch.setattr("savmap.jobs.map_site.replace", lambda one, **_: one)
     monkeypatch.setattr("savmap.jobs.map_site.drawing_key", lambda *_: "key")
