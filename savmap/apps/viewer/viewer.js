@@ -1,4 +1,4 @@
-/*! savmap viewer, Apache-2.0, of sources d90a86e860d2964e114f9123cc5a36d1e0cd73aa11562a5e16fc0e76ed512333. With three.js:
+/*! savmap viewer, Apache-2.0, of sources 6deaa7ba65385d5674a415de546f786316c2f629583430ff8d1ca267e28e6d82. With three.js:
 The MIT License
 
 Copyright © 2010-2026 three.js authors
