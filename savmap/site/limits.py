@@ -10,7 +10,7 @@ from savmap.errors import SiteError
 from savmap.files.validation import validated
 from savmap.plugin.inspection import InspectionLimits
 from savmap.site.load import read_draft
-from savmap.site.locations import explained, misspelt
+from savmap.site.locations import explained, without_value
 
 LIMITS_FILE = "file of limits"
 Metres = Annotated[float, Field(gt=0, lt=100)]
@@ -41,7 +41,7 @@ class SiteLimits(InspectionLimits):
 def load_limits(path: Path) -> SiteLimits:
     """The limits of a file. Raises SiteError with file and line; what a plugin does not take, it says itself."""
     draft = read_draft(path, what=LIMITS_FILE, guide="docs/inspection.md")
-    for problem in (*(text for _, text in draft.doubles), *misspelt(SiteLimits, draft.places).values()):
+    for problem in (*(text for _, text in draft.doubles), *without_value(SiteLimits, draft.places).values()):
         raise SiteError(problem)
     try:
         return SiteLimits.model_validate(draft.content)

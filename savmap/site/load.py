@@ -16,7 +16,7 @@ from savmap.files.urls import in_folder, likely, on_disk
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
-from savmap.site.locations import SourceMap, explained, left_out, misspelt
+from savmap.site.locations import SourceMap, explained, left_out, without_value
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
@@ -89,7 +89,7 @@ def load_alignment(path: Path) -> KnownAlignment:
     for _, problem in draft.doubles:
         raise SiteError(problem)
     content = draft.content["align"] if at else draft.content
-    for problem in misspelt(AlignSection, draft.places, (at,)).values():
+    for problem in without_value(AlignSection, draft.places, (at,)).values():
         raise SiteError(problem)
     try:
         return KnownAlignment(AlignSection.model_validate(content), draft.places, at)
@@ -149,7 +149,7 @@ def problems_in(draft: Draft) -> Problems:
         layout, rows = _layout_alone(draft.content)
     unfit = (*misplaced(layout, rows), *misaligned(align, rows))
     wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in unfit]
-    return [*draft.doubles, *{**problems, **misspelt(Site, draft.places)}.items(), *wrong]
+    return [*draft.doubles, *{**problems, **without_value(Site, draft.places)}.items(), *wrong]
 
 
 def notes_on(draft: Draft) -> tuple[str, ...]:

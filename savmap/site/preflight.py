@@ -26,7 +26,7 @@ from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, plugins_for, prepare
-from savmap.site.locations import SourceMap, explained, misspelt
+from savmap.site.locations import SourceMap, explained, without_value
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
 from savmap.site.sections import CameraSection, ReferenceSection
@@ -59,7 +59,7 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
     for row in site.rows:
         settings, at = site.plugin_config(row, name), partial(_given, site, row, name)
         roots = (("plugins", name), ("rows", row, "plugins", name))
-        wrong = misspelt(config, places, roots, empty_sections=False)
+        wrong = without_value(config, places, roots, empty_sections=False)
         try:
             config.model_validate(settings)
         except ValidationError as error:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
@@ -27,9 +27,9 @@ from pydantic_core import PydanticKnownError
 from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
-from savmap.files.validation import SHORT, fields_of, may_be_none
+from savmap.files.validation import SHORT
 from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
-from savmap.maps.schema import FARTHEST_WORLD_M
+from savmap.types.written import FARTHEST_WORLD_M
 from savmap.video.calibration import camera_from
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
@@ -86,12 +86,8 @@ class Strict(BaseModel):
     def _left_out(cls, value: object) -> object:
         if not isinstance(value, Mapping):
             return value
-        fields = fields_of(cls)
-        return {
-            key: given
-            for key, given in value.items()
-            if given is not None or key not in fields or may_be_none(fields[key])
-        }
+        of_none = {key for key, field in cls.model_fields.items() if NoneType not in get_args(field.annotation)}
+        return {key: given for key, given in value.items() if given is not None or key not in of_none}
 
     @field_validator("*", mode="before")
     @classmethod

@@ -29,8 +29,8 @@ from savmap.maps.imports.records import (
     element,
     listed,
 )
-from savmap.maps.schema import FARTHEST_WORLD_M
 from savmap.types import Floats, Ints, array_record
+from savmap.types.written import FARTHEST_WORLD_M
 
 MOST_ELEMENTS = 200_000
 """That have a label."""
