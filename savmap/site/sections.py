@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -29,6 +29,7 @@ from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
 from savmap.files.validation import SHORT
 from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
+from savmap.types.calibration import LensDistance, Shutter, Stitching, VerticalScale
 from savmap.types.written import FARTHEST_WORLD_M
 from savmap.video.calibration import camera_from
 
@@ -294,66 +295,28 @@ WIDEST_PINHOLE_DEG = 150.0
 KINDS: Mapping[str, type[Camera]] = {"pinhole": Pinhole, "fisheye": Fisheye, "fisheye-pair": FisheyePair}
 
 
-class PanoramaSection(Strict):
-    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each
-    lens's scale may be off."""
+def _switch(kind: Any) -> BeforeValidator:
+    """For a section that `true` may stand for. Known keys without a value are as good as left out."""
+    known_keys = {field.name for field in fields(kind)}
 
-    turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
-    """Standard deviation of each of the three angles."""
-    scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
-    """Standard deviation of each lens's scale."""
-    blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
-    """Over how many degrees the halves are blended."""
+    def switched(value: object) -> object:
+        if isinstance(value, Mapping):
+            return {key: given for key, given in value.items() if given is not None or key not in known_keys}
+        return ({} if value else None) if isinstance(value, bool) else value
 
-
-class ShutterSection(Strict):
-    """The panorama's read-out time, from its first row (or column) to the last."""
-
-    sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
-    """Standard deviation of the read-out time."""
-    axis: Literal["rows", "columns"] = "rows"
-    """From the top of the panorama down, or across each half to the right."""
-
-
-class VerticalScaleSection(Strict):
-    """How much too large or too small the panorama may show elevations, all by one factor."""
-
-    sigma: Annotated[float, Field(gt=0, le=0.2)] = 0.02
-    """Standard deviation of the factor."""
-
-
-class LensDistanceSection(Strict):
-    """How far apart the camera's two lenses may stand, where its program bends the pictures at a seam that crosses the
-    face. Where the seam is, the footage tells, not `front_deg`."""
-
-    sigma_m: Annotated[float, Field(gt=0, le=0.2)] = 0.03
-    """Standard deviation of the distance."""
-
-
-def _switched(value: object) -> object:
-    return ({} if value else None) if isinstance(value, bool) else value
+    return BeforeValidator(switched, json_schema_input_type=bool | kind | None)
 
 
 class CalibrationSection(Strict):
     """What of the camera is estimated with the map; `true` takes the usual figures."""
 
-    panorama: Annotated[
-        PanoramaSection | None, BeforeValidator(_switched, json_schema_input_type=bool | PanoramaSection | None)
-    ] = None
+    panorama: Annotated[Stitching | None, _switch(Stitching)] = None
     """The fit of the panorama's two halves."""
-    vertical_scale: Annotated[
-        VerticalScaleSection | None,
-        BeforeValidator(_switched, json_schema_input_type=bool | VerticalScaleSection | None),
-    ] = None
+    vertical_scale: Annotated[VerticalScale | None, _switch(VerticalScale)] = None
     """A factor of all elevations: panoramas that were cropped and stretched to 2:1 again."""
-    lens_distance: Annotated[
-        LensDistanceSection | None,
-        BeforeValidator(_switched, json_schema_input_type=bool | LensDistanceSection | None),
-    ] = None
+    lens_distance: Annotated[LensDistance | None, _switch(LensDistance)] = None
     """The distance between the lenses: pictures that are bent at a seam that crosses the face."""
-    rolling_shutter: Annotated[
-        ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
-    ] = None
+    rolling_shutter: Annotated[Shutter | None, _switch(Shutter)] = None
     """The time from the first row of the panorama to the last one."""
     front_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     """Longitude of the panorama at which the front lens looks, degrees to the right of its centre column."""
