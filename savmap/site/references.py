@@ -48,12 +48,11 @@ def misnamed(section: ReferenceSection, patterns: Sequence[str]) -> Iterator[tup
     for location, name in named:
         pattern = NUMBER.sub("#", name)
         if pattern not in patterns and not name.startswith(OF_MARKERS):
-            near = get_close_matches(pattern, patterns, 1)
-            hint = (
-                f"did you mean `{_numbered(near[0], name)}`?"
-                if near
-                else f"known are {', '.join(patterns)} (#: a number)"
-            )
+            hint = f"known are {', '.join(patterns)} (#: a number)"
+            for near in get_close_matches(pattern, patterns, 1):
+                for number in NUMBER.findall(name):
+                    near = near.replace("#", number, 1)
+                hint = f"did you mean `{near}`?"
             yield location, f"nothing is called `{name}`: {hint}"
 
 
@@ -61,12 +60,6 @@ def calibration_of(section: CalibrationSection) -> Calibration | None:
     """What of the camera is estimated; None if nothing is."""
     terms = section.panorama, section.rolling_shutter, section.vertical_scale, section.lens_distance
     return Calibration(*terms[:2], section.front_deg, *terms[2:]) if any(terms) else None
-
-
-def _numbered(pattern: str, name: str) -> str:
-    """The pattern with the name's numbers."""
-    numbers = iter(NUMBER.findall(name))
-    return re.sub("#", lambda _: next(numbers, "#"), pattern)
 
 
 def _position(axis: str, value: float) -> tuple[float | None, float | None, float | None]:

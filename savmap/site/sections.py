@@ -71,12 +71,6 @@ Providers = Annotated[
 """Execution providers of onnxruntime, one or more; as text with commas between."""
 
 
-def _is_number(annotation: Any) -> bool:
-    """Whether a field holds a number, or none."""
-    choices = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
-    return float in choices or any(get_args(choice)[:1] == (float,) for choice in choices)
-
-
 class Strict(BaseModel):
     """A section of a site file: unknown keys are refused. Known ones without a value are as good as left out."""
 
@@ -94,7 +88,11 @@ class Strict(BaseModel):
     @classmethod
     def _no_word_for_a_number(cls, value: object, field: ValidationInfo) -> object:
         """YAML's yes and no, which pydantic takes for 1 and 0."""
-        if isinstance(value, bool) and _is_number(cls.model_fields[str(field.field_name)].annotation):
+        if not isinstance(value, bool):
+            return value
+        annotation = cls.model_fields[str(field.field_name)].annotation
+        choices = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+        if float in choices or any(get_args(choice)[:1] == (float,) for choice in choices):
             raise PydanticKnownError("float_type")
         return value
 
