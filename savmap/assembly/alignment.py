@@ -10,9 +10,9 @@ from scipy.special import chdtrc
 from savmap.assembly.known_places import KnownPlace, known_places
 from savmap.assembly.rigid_fit import PlaceEquations, RigidFit
 from savmap.errors import SiteError
-from savmap.maps.schema import FARTHEST_WORLD_M
 from savmap.site.load import KnownAlignment
 from savmap.types import Alignment, AlignmentResidual, Floats, Measured, SiteMap
+from savmap.types.written import FARTHEST_WORLD_M
 
 CONTRADICTS = 0.001
 """Places whose residuals are as unlikely as this contradict one another."""

@@ -16,7 +16,7 @@ KINDS = {
     "savmap-inspection": "an inspection",
 }
 HEAD = 1 << 16
-"""Characters of a file in which its format stands."""
+"""Bytes of a file in which its format stands."""
 
 
 def kind_of(content: object) -> str:
@@ -24,15 +24,11 @@ def kind_of(content: object) -> str:
     return _described(content.get("format")) if isinstance(content, dict) else ""
 
 
-def kind_of_text(text: str) -> str:
-    """The same of the text of a JSON file, of which the beginning will do."""
-    match = FORMAT.search(text, 0, HEAD) if text[:HEAD].lstrip().startswith("{") else None
-    return _described(match[1]) if match else ""
-
-
 def kind_of_file(path: Path) -> str:
     """The same of a file, however large; empty where it cannot be read."""
-    return kind_of_text(head_of(path, HEAD).decode(errors="replace"))
+    head = head_of(path, HEAD).decode(errors="replace")
+    match = FORMAT.search(head) if head.lstrip().startswith("{") else None
+    return _described(match[1]) if match else ""
 
 
 def _described(name: object) -> str:

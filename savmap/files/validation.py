@@ -1,31 +1,24 @@
-"""Content of files checked against pydantic models: for each mistake one line in a user's words, at the value's key,
-and of the kinds of value that may stand there about the one that was meant."""
+"""Content of files checked against pydantic models: for each mistake one line in a user's words, at the value's key."""
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from reprlib import Repr
-from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ValidationError
-from pydantic.fields import FieldInfo
 
 from savmap.errors import OutputError, SiteError
-from savmap.files.texts import readings
 from savmap.files.yaml_text import Location as Location
-from savmap.files.yaml_text import space_needed, unspaced
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-UNKNOWN = ("extra_forbidden", "invalid_key")
+UNKNOWN = ("extra_forbidden", "invalid_key", "unexpected_keyword_argument")
 SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 80
 SHORT.maxlevel = 2
-UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
-PLAIN = re.compile(r"\s*[+-]?\d+\s*")
-CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
 SECTION = "a section with keys is expected"
 KINDS = {
     "float": "a number is expected",
@@ -35,18 +28,16 @@ KINDS = {
     "path": "a path is expected",
     "tuple": "a list is expected",
     "list": "a list is expected",
-    "dict": SECTION,
-    "mapping": SECTION,
-    "model": SECTION,
+    **dict.fromkeys(("dict", "mapping", "model", "dataclass"), SECTION),
 }
 """What is expected, by the first word of the types of pydantic's errors that say that a value is of another kind."""
-MAY_BE_NUMBERS = ("float", "int", "model")
 OTHER_KIND = re.compile(rf"({'|'.join(KINDS)})_(type|parsing|parsing_size|from_float)")
+LIMIT = re.compile("(greater|less)_than(_equal)?")
 ENTRIES = {"too_short": ("at least", "min_length"), "too_long": ("at most", "max_length")}
 MOST_KEYS = 8
 """Keys of a section that a line names."""
 Model = TypeVar("Model", bound=BaseModel)
-Located = tuple[Location, "ErrorDetails"]
+Schema = Mapping[str, Any]
 
 
 def _with_text_keys(value: object) -> object:
@@ -97,172 +88,102 @@ def explained(
     `at` gives a model key's location in the file. `place_of` gives the text for a location; its second argument is
     whether the problem concerns the whole section there.
     """
-    problems = sorted(error.errors(), key=lambda problem: problem["type"] not in UNKNOWN)
-    first: dict[Location, ErrorDetails] = {}
-    for location, problem in _meant(problems, model):
-        follows = problem["type"] == "too_short" and any(
-            inner is not problem and inner["loc"][: len(problem["loc"])] == problem["loc"] for inner in problems
-        )
-        if not follows:
-            first.setdefault(at(location), problem)
-    return {location: _explained(problem, location, model, place_of) for location, problem in first.items()}
+    schema = schema_of(model)
+    problems = [(_keys(problem, schema), problem) for problem in error.errors()]
+    inner = {keys[:length] for keys, _ in problems for length in range(len(keys))}
+    lines: dict[Location, str] = {}
+    for keys, problem in sorted(problems, key=_likeliest):
+        if keys not in inner:  # otherwise it is of another kind, of several, than the one that was meant
+            location = at(keys)
+            lines.setdefault(location, _explained(problem, location, keys, schema, place_of))
+    return lines
 
 
-def annotations_at(model: Any, location: Location) -> list[Any]:
-    """What may stand at the location of a key: the types that the model gives it."""
-    kinds = _choices(model)
+@cache
+def schema_of(model: type[BaseModel]) -> Schema:
+    """A model's JSON Schema."""
+    return model.model_json_schema()
+
+
+def kinds_at(schema: Schema, location: Location) -> list[Schema]:
+    """What may stand at a location by a model's JSON Schema: a schema for each kind of value; one without a type:
+    anything."""
+    kinds = list(_kinds(schema, schema))
     for part in location:
-        kinds = [choice for kind in kinds for inner in _inside(kind, part) for choice in _choices(inner)]
+        kinds = [kind for section in kinds for inner in _inside(section, part) for kind in _kinds(inner, schema)]
     return kinds
 
 
-def allows_section(annotations: Iterable[Any]) -> bool:
-    """Whether a section or a list may stand where these types may."""
-    return any(is_model(kind) or get_origin(kind) is tuple or _is_mapping(kind) for kind in annotations)
+def _kinds(node: Any, schema: Schema) -> Iterator[Schema]:
+    if node is True:
+        yield {}
+    elif "$ref" in node:
+        yield from _kinds(schema["$defs"][node["$ref"].rpartition("/")[2]], schema)
+    elif "anyOf" in node:
+        for choice in node["anyOf"]:
+            yield from _kinds(choice, schema)
+    elif node.get("type") != "null":
+        yield node
 
 
-def fields_of(model: type[BaseModel]) -> dict[str, FieldInfo]:
-    """A model's fields by the keys that a file has for them."""
-    return {field.alias or name: field for name, field in model.model_fields.items()}
+def _inside(section: Schema, part: int | str) -> Iterator[Any]:
+    if "type" not in section:
+        yield section
+    elif isinstance(part, int):
+        items = section.get("items")
+        yield from section["prefixItems"][part : part + 1] if "prefixItems" in section else [items] if items else ()
+    elif (inner := section.get("properties", {}).get(part, section.get("additionalProperties"))) not in (None, False):
+        yield inner
 
 
-def may_be_none(field: FieldInfo) -> bool:
-    """Whether a field takes null for a value."""
-    return NoneType in get_args(field.annotation)
+def _keys(problem: "ErrorDetails", schema: Schema) -> Location:
+    """A problem's location without pydantic's names of kinds."""
+    keys: Location = ()
+    for part in problem["loc"]:
+        if kinds_at(schema, (*keys, part)):
+            keys = (*keys, part)
+    return (*keys, problem["loc"][-1]) if problem["type"] in UNKNOWN else keys
 
 
-def is_model(annotation: Any) -> bool:
-    """Whether a type is a section with keys."""
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+def _likeliest(problem_at: tuple[Location, "ErrorDetails"]) -> tuple[bool, bool, int]:
+    """Unknown keys first; of one value that several kinds refuse, what a kind says that it is of, the longest list."""
+    _, problem = problem_at
+    return (
+        problem["type"] not in UNKNOWN,
+        bool(OTHER_KIND.fullmatch(problem["type"])),
+        -int(problem.get("ctx", {}).get("max_length", 0)),
+    )
 
 
 def _explained(
-    problem: "ErrorDetails", location: Location, model: type[BaseModel], place_of: Callable[[Location, bool], str]
+    problem: "ErrorDetails",
+    location: Location,
+    keys: Location,
+    schema: Schema,
+    place_of: Callable[[Location, bool], str],
 ) -> str:
-    key, kinds = path_of(location), annotations_at(model, _located(problem["loc"], model)[0])
-    place = place_of(location, problem["type"] == "value_error")
-    if problem["type"] in UNKNOWN:
-        sections = annotations_at(model, _located(problem["loc"], model)[0][:-1])
-        allowed = [name for section in sections if is_model(section) for name in fields_of(section)]
-        return f"{place}: unknown key `{key}`{_hint(str(location[-1]), allowed)}"
-    if problem["type"] == "missing":
+    key, given, kind = path_of(location), problem["input"], problem["type"]
+    place = place_of(location, kind == "value_error")
+    if kind in UNKNOWN:
+        allowed = [name for section in kinds_at(schema, keys[:-1]) for name in section.get("properties", ())]
+        near = difflib.get_close_matches(str(keys[-1]), allowed, 1)
+        hint = f": did you mean `{near[0]}`?" if near else f": allowed here are {', '.join(allowed)}" if allowed else ""
+        return f"{place}: unknown key `{key}`{hint}"
+    if kind == "missing":
         return f"{place}: `{key}` is missing"
-    text = _words(problem, kinds)
-    if problem["type"] == "value_error":
-        return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
-    units = "; lengths are metres, times seconds" if _is_number(problem["input"]) and float in kinds else ""
-    given = "it has no value" if problem["input"] is None else f"it is {SHORT.repr(problem['input'])}"
-    return f"{place}: `{key}`: {text} ({given}{units})"
-
-
-def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
-    """The problem in a user's words."""
-    kind, given = OTHER_KIND.fullmatch(problem["type"]), problem["input"]
-    if problem["type"] in ENTRIES:
-        least, limit = ENTRIES[problem["type"]]
-        number = problem["ctx"][limit]
-        return f"{least} {number} {'entry is' if number == 1 else 'entries are'} expected"
-    if kind is None:
+    if kind in ENTRIES:
+        least, limit = ENTRIES[kind]
+        count = problem["ctx"][limit]
+        text = f"{least} {count} {'entry is' if count == 1 else 'entries are'} expected"
+    elif other := OTHER_KIND.fullmatch(kind):
+        names = [name for section in kinds_at(schema, keys) for name in section.get("properties", ())]
+        text = KINDS[other[1]]
+        text += f": {', '.join(names)}" if text == SECTION and 0 < len(names) <= MOST_KEYS else ""
+    else:
         text = problem["msg"].removeprefix("Value error, ")
-        return text[:1].lower() + text[1:]
-    if kind[1] == "string" and isinstance(given, bool | int | float):
-        return "text is expected: put it in quotation marks"
-    if isinstance(given, str) and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
-        return space_needed(*parts)
-    if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
-        if not PLAIN.fullmatch(given) and (numbers := readings(given.strip())):
-            written = " or ".join(dict.fromkeys(f"{numbers[mark]:.12g}" for mark in (",", ".") if mark in numbers))
-            return f"a decimal point is expected: {written}"
-        if clock := CLOCK.fullmatch(given):
-            seconds = 3600 * int(clock[1] or 0) + 60 * int(clock[2]) + float(clock[3])
-            return f"a plain number is expected: write {seconds:.12g}"
-    return KINDS[kind[1]] + (_keys_of_section(given, kinds) if kind[1] == "model" else "")
-
-
-def _meant(problems: Iterable["ErrorDetails"], model: type[BaseModel]) -> Iterator[Located]:
-    """The problems with the locations of their keys. Where a value may be of several kinds, pydantic says why it is
-    none of them: only what the kind lacks is kept that the value is nearest to."""
-    kinds: dict[Location, dict[str, list[Located]]] = {}
-    for number, problem in enumerate(problems):
-        location, at, kind = _located(problem["loc"], model)
-        place, name = ((number,), "") if kind is None else (at, kind)
-        kinds.setdefault(place, {}).setdefault(name, []).append((location, problem))
-    for candidates in kinds.values():
-        yield from min(candidates.values(), key=_distance)
-
-
-def _located(location: Location, model: type[BaseModel]) -> tuple[Location, Location, str | None]:
-    """A problem's location without pydantic's names of kinds, and the first place at which such a name stood, with the
-    name."""
-    keys: Location = ()
-    named: tuple[Location, str | None] = ((), None)
-    kinds: list[Any] = [model]
-    several = False
-    for part in location:
-        if several and isinstance(part, str):
-            named = named if named[1] else (keys, part)
-            several = False
-            continue
-        inner = [_choices(annotation) for kind in kinds for annotation in _inside(kind, part)]
-        kinds = [choice for choices in inner for choice in choices]
-        keys = (*keys, part)
-        several = any(len(choices) > 1 for choices in inner)
-    return keys, *named
-
-
-def _distance(problems: list[Located]) -> tuple[int, bool, int]:
-    """How far a value is from a kind with these problems: those that lie deeper in it, or are not of kind, are nearer;
-    so are lists that may be longer."""
-    deepest = max(len(location) for location, _ in problems)
-    other = all(OTHER_KIND.fullmatch(problem["type"]) for _, problem in problems)
-    longest = max(int(problem.get("ctx", {}).get("max_length", 0)) for _, problem in problems)
-    return -deepest, other, -longest
-
-
-def _keys_of_section(given: object, kinds: list[Any]) -> str:
-    section = next(filter(is_model, kinds), None)
-    fields = fields_of(section) if section else {}
-    needed = [name for name, field in fields.items() if field.is_required()]
-    if _is_number(given) and len(needed) == 1 and float in annotations_at(section, (needed[0],)):
-        return f": {{{needed[0]}: {given}}}"
-    return f": {', '.join(fields)}" if 0 < len(fields) <= MOST_KEYS else ""
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _inside(kind: Any, part: int | str) -> Iterator[Any]:
-    """The types that a type gives a key of it, or an entry."""
-    if is_model(kind):
-        yield from (field.annotation for name, field in fields_of(kind).items() if name == part)
-    elif isinstance(part, int):
-        yield from (inner for inner in get_args(kind) if inner is not Ellipsis)
-    elif _is_mapping(kind):
-        yield get_args(kind)[1]
-
-
-def _choices(annotation: Any) -> list[Any]:
-    """The types that an annotation allows, beside none."""
-    if get_origin(annotation) is Annotated:
-        return _choices(get_args(annotation)[0])
-    if get_origin(annotation) in (Union, UnionType):
-        return [inner for kind in get_args(annotation) for inner in _choices(kind) if inner is not NoneType]
-    return [annotation]
-
-
-def _is_mapping(annotation: Any) -> bool:
-    return isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping)
-
-
-def _hint(key: str, allowed: list[str]) -> str:
-    if key.isdigit():
-        return ": is it from a number with a decimal comma? A decimal point is expected, such as 2.5"
-    stem = key.rsplit("_", 1)
-    same_stem = [name for name in allowed if name.rsplit("_", 1)[0] == stem[0] and name != key]
-    if len(stem) == 2 and stem[1] in UNITS and same_stem:
-        return f": wrong unit? Use `{same_stem[0]}`"
-    near = difflib.get_close_matches(key, allowed, 1)
-    if near:
-        return f": did you mean `{near[0]}`?"
-    return f": allowed here are {', '.join(allowed)}" if allowed else ""
+        text = text[:1].lower() + text[1:]
+    if kind == "value_error":
+        return f"{place}: `{key}`: {text}" if key else f"{place}: {text}"
+    number = LIMIT.fullmatch(kind) and any(inner.get("type") == "number" for inner in kinds_at(schema, keys))
+    units = "; lengths are metres, times seconds" if number else ""
+    return f"{place}: `{key}`: {text} ({'it has no value' if given is None else f'it is {SHORT.repr(given)}'}{units})"

@@ -26,23 +26,11 @@ MOST_VALUES = 100_000
 """With what aliases stand for: a site of 2000 rows has 60 000."""
 LARGEST = 1e300
 TOO_DEEP = "it is nested too deeply, or an alias stands inside what it means"
-COLONS = ("could not find expected ':'", "mapping values are not allowed here")
-"""What the parser says of keys whose colon no space follows: of them and of the next line."""
-NO_TOKEN = "cannot start any token"
-"""What the parser says of a tab, with which YAML does not indent, and of some other characters, such as a backquote."""
-ESCAPED = re.compile("[A-Za-z]:[\x00-\x1f\x7f-\xa0\u2028\u2029]")
-"""A path of Windows whose first backslash was taken for the beginning of an escape sequence."""
-NO_ESCAPE = "in double quotation marks a backslash and what follows it are one character: write paths in single ones"
 TAGS = "tag:yaml.org,2002:"
 VALUES = {f"{TAGS}{kind}" for kind in ("int", "float", "bool", "null")}
 TEXTS = {f"{TAGS}{kind}" for kind in ("str", "timestamp", "value", "merge")}
 WHOLE = re.compile(r"[-+]?\d+,\d+")
 NUMBER = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?")
-UNSPACED = re.compile(
-    r"\s*(?:- +)*(?P<key>[^\s:\uff1a#'\"{}\[\],]+)(?: *\uff1a\s*(?P<wide>.*)|:(?!//|\\)(?P<value>[^\s:].*))"
-)
-"""A line, or a text, that would be a key and its value if a space stood behind the colon, and the colon were one:
-`\uff1a` is full-width."""
 
 
 class YamlError(ValueError):
@@ -81,7 +69,9 @@ def document(text: str) -> Document:
     except RecursionError:
         raise YamlError(TOO_DEEP) from None
     except YAMLError as error:
-        raise _explained(error, text) from error
+        mark, reason = getattr(error, "problem_mark", None), getattr(error, "reason", None)
+        problem = " ".join(str(getattr(error, "problem", None) or reason or error).split())
+        raise YamlError(problem[:300], None if mark is None else mark.line + 1) from error
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         if isinstance(error, YamlError):
             raise
@@ -107,18 +97,6 @@ def path_text(path: str) -> str:
         why = "is too long, or holds a line end, another control character or bytes that are no UTF-8"
         raise SiteError(f"{path}: no site file can name it, for its path {why}: rename it")
     return json.dumps(path, ensure_ascii=bool(CONTROLS.search(path)))  # some are line ends to YAML
-
-
-def unspaced(text: str) -> tuple[str, str] | None:
-    """The key and the value of a line or text such as `side:right`, which is one word in YAML; None where it is nothing
-    of the kind."""
-    match = UNSPACED.match(text)
-    return (match["key"], (match["value"] or match["wide"] or "").strip()) if match else None
-
-
-def space_needed(key: str, value: str) -> str:
-    """What to do about an unspaced key and value."""
-    return f"a colon and a space stand between a key and its value: write `{key}: {value}`"
 
 
 class _Representer(SafeRepresenter):
@@ -206,26 +184,7 @@ class _Reader:
 def _require_whole(node: ScalarNode) -> None:
     if SURROGATES.search(node.value):
         raise _error("a text holds half a character", node)
-    if node.style == '"' and ESCAPED.match(node.value):
-        raise _error(NO_ESCAPE, node)
 
 
 def _error(problem: str, node: Node) -> YamlError:
     return YamlError(problem, node.start_mark.line + 1)
-
-
-def _explained(error: YAMLError, text: str) -> YamlError:
-    """A parser's error in one line, as a missing space behind a colon where the line that it stopped at, or the one
-    before it, lacks that."""
-    mark, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
-    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
-    if problem in COLONS and mark is not None:
-        first = context.line if context else mark.line - 1
-        for number, line in enumerate(text.split("\n")[: mark.line + 1]):
-            if number >= first and (parts := unspaced(line)):
-                return YamlError(space_needed(*parts), number + 1)
-    if "escape" in problem:
-        problem = NO_ESCAPE
-    if NO_TOKEN in problem:
-        problem = f"{problem}; if it is a tab, put spaces in its place"
-    return YamlError(" ".join(str(problem).split())[:300], None if mark is None else mark.line + 1)

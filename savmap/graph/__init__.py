@@ -1,6 +1,6 @@
 """The factor graph: constraints, references, solve, covariance. The only package that imports gtsam."""
 
-from savmap.graph.calibration import Calibration, LensDistance, Shutter, Stitching, VerticalScale
+from savmap.graph.calibration import Calibration
 from savmap.graph.constraints import (
     TIGHT_M,
     Constraints,
@@ -39,6 +39,7 @@ from savmap.graph.references import (
 )
 from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
 from savmap.graph.solver.solution import Landmark, Solution
+from savmap.types.calibration import LensDistance, Shutter, Stitching, VerticalScale
 
 __all__ = [
     "PUBLISHED",

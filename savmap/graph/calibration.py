@@ -19,7 +19,6 @@ jitter faster than the frames follow one another is not modelled.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -28,6 +27,7 @@ from savmap.geometry.pinhole import rig_from_view
 from savmap.graph.covariance import Covariance
 from savmap.graph.measurements import Biases, ImageMeasurements, cameras_of
 from savmap.types import Floats
+from savmap.types.calibration import LensDistance, Shutter, Stitching, VerticalScale
 
 LEAST_DEPTH = 0.02
 LEAST_DEPTH_M = 0.2
@@ -46,7 +46,7 @@ class Bend:
     """A way to bend the pictures. The front lens looks along a level axis, `turn_deg` to the right of the drive. From
     `half_width_deg` before the seam to as much behind it, the point of view moves from one lens to the other. The
     baseline between them lies along that axis or, `upwards`, along the vertical; the solve begins with `initial_m` of
-    it.
+    it, for far from the right baseline measurements at the seam seem to be outliers.
 
     `drive` (3, 3) of its methods are the axes that `drive_axes` gives.
     """
@@ -276,41 +276,6 @@ def velocities(poses: Floats, stamps_s: Floats) -> tuple[Floats, Floats]:
     turned = np.swapaxes(poses[before, :3, :3], 1, 2) @ poses[after, :3, :3]
     rates: Floats = Rotation.from_matrix(turned).as_rotvec() * per_second
     return (poses[after, :3, 3] - poses[before, :3, 3]) * per_second, rates
-
-
-@dataclass(frozen=True)
-class Stitching:
-    """Standard deviations of the rear half's turn against the front half about each of the front lens's axes, degrees,
-    and of each lens's scale. The halves are blended over `blend_deg`."""
-
-    turn_sigma_deg: float = 1.0
-    scale_sigma: float = 0.003
-    blend_deg: float = 1.0
-
-
-@dataclass(frozen=True)
-class VerticalScale:
-    """Standard deviation of the share by which the panorama shows elevations too large."""
-
-    sigma: float = 0.02
-
-
-@dataclass(frozen=True)
-class LensDistance:
-    """Standard deviation, m, about 0 of each part (`BENDS`) of the baseline between two lenses whose seam crosses the
-    face. The solve begins at the parts' `initial_m`: far from the right baseline, measurements at the seam look like
-    outliers."""
-
-    sigma_m: float = 0.03
-
-
-@dataclass(frozen=True)
-class Shutter:
-    """Standard deviation of the read-out time, s, over the panorama's rows (later lower down) or each half's columns
-    (later to the right); negative where it runs the other way."""
-
-    sigma_s: float = 0.02
-    axis: Literal["rows", "columns"] = "rows"
 
 
 @dataclass(frozen=True)

@@ -112,22 +112,10 @@ def with_comment(jpeg: bytes, comment: bytes) -> bytes:
 
 
 def _said(row: str, photo: Orthophoto, name: str) -> OrthophotoFile:
-    def rounded(values: object) -> list[object]:
-        listed: list[object] = (np.round(np.asarray(values, np.float64), 9) + 0.0).tolist()
-        return listed
-
-    content = {
-        "row": row,
-        "picture": name,
-        "width": photo.width,
-        "height": photo.height,
-        "mm_per_pixel": round(1000 * photo.pixel_m, 6),
-        "origin_m": rounded(photo.origin),
-        "right": rounded(photo.right),
-        "up": rounded(photo.up),
-        "face_from_pixel": rounded(photo.face_from_pixel),
-    }
-    return OrthophotoFile.model_validate(content)
+    vectors = {"origin_m": photo.origin, "right": photo.right, "up": photo.up, "face_from_pixel": photo.face_from_pixel}
+    numbers = {key: (np.round(np.asarray(value, np.float64), 9) + 0.0).tolist() for key, value in vectors.items()}
+    size = {"width": photo.width, "height": photo.height, "mm_per_pixel": round(1000 * photo.pixel_m, 6)}
+    return OrthophotoFile.model_validate({"row": row, "picture": name, **size, **numbers})
 
 
 def _read(picture: Path, said: Path) -> Orthophoto:

@@ -198,7 +198,8 @@ def names(structure: Structure) -> list[str]:
 
 
 def _hit(site: SiteMap, row: str, structure: Structure) -> SearchHit:
-    measured = _measured(structure)
+    worst = np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)).max(axis=1)
+    measured = np.flatnonzero((worst <= GUESSED_M) | (worst <= TIMES_WORSE * worst.min()))  # all, if none stands out
     middle = structure.vertices[measured].mean(axis=0)
     sigma: Floats = np.sqrt(np.diagonal(structure.covariances[measured].mean(axis=0)))
     placement, only = site.placements.get(row), len({*site.rows, *site.failed}) == 1
@@ -212,12 +213,6 @@ def _hit(site: SiteMap, row: str, structure: Structure) -> SearchHit:
         None if placement is None else placement.points(middle[None])[0],
         transformed(middle[None], world_from_row(site, row))[0] if in_world else None,
     )
-
-
-def _measured(structure: Structure) -> Ints:
-    """The numbers of the vertices that were measured; of all, where none stands out."""
-    worst = np.sqrt(np.diagonal(structure.covariances, axis1=1, axis2=2)).max(axis=1)
-    return np.flatnonzero((worst <= GUESSED_M) | (worst <= TIMES_WORSE * worst.min()))
 
 
 def _part(structure: Structure, measured: Ints) -> str:

@@ -13,8 +13,9 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from savmap.files.atomic import read_json, write_text
 from savmap.files.urls import where
 from savmap.files.validation import checked
-from savmap.maps.schema import FARTHEST_M, require_format
+from savmap.maps.schema import require_format
 from savmap.types import Survey
+from savmap.types.written import FARTHEST_M
 
 FORMAT = "savmap-survey"
 VERSION = 1

@@ -16,7 +16,6 @@ import numpy as np
 
 from savmap.errors import SavmapError, StructureError, VideoError
 from savmap.files.journal import Journal
-from savmap.maps.map_file import FIGURE
 from savmap.pipeline.cutting import Cut, FaceStrips, FloorCutter, Stills, StripCutter
 from savmap.pipeline.key_frames import KeyFrames, front
 from savmap.pipeline.lens_walks import LensPoints, LensWalk, LensWay
@@ -54,6 +53,7 @@ from savmap.types import (
     ViewSpec,
 )
 from savmap.types.progress import Monitor
+from savmap.types.written import FIGURE
 from savmap.video.clip import is_folder, too_few
 from savmap.video.motion import PassWatch, Steps
 from savmap.video.prefetch import prefetch

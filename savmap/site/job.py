@@ -25,7 +25,6 @@ from savmap.site.sections import MODELS
 VIDEO_ROW = "1"
 LEAST_ROOM = 1 << 20
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.1, 50.0
-UNITS_M = {"cm": 0.01, "mm": 0.001}
 SITE_FILE = "site.yaml"
 _received: dict[str, "Job"] = {}
 
@@ -155,9 +154,12 @@ def video_content(
     """The content of a site of one row and one pass. Raises SiteError for options out of range."""
     if side is not None:
         side_of(side)
-    if camera_height_m is not None:
-        _require_height(camera_height_m)
-    height = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
+    if camera_height_m is not None and (isinstance(camera_height_m, bool) or not isinstance(camera_height_m, Real)):
+        raise SiteError(f"camera_height_m: a number of metres is expected (it is {SHORT.repr(camera_height_m)})")
+    if camera_height_m is not None and not LEAST_HEIGHT_M < camera_height_m < MOST_HEIGHT_M:
+        limits = f"between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
+        raise SiteError(f"--camera-height {camera_height_m:g}: metres are expected, {limits}")
+    height: dict[str, Any] = {"camera_height_m": {"value": camera_height_m}} if camera_height_m is not None else {}
     return {
         "references": height,
         "camera": camera or None,
@@ -185,17 +187,6 @@ def side_of(given: str) -> Side:
     raise SiteError(f"--side {given}: it is `left` or `right`, the hand the face is on as one drives along")
 
 
-def _require_height(height: float) -> None:
-    if isinstance(height, bool) or not isinstance(height, Real):
-        raise SiteError(f"camera_height_m: a number of metres is expected, such as 3.05 (it is {SHORT.repr(height)})")
-    if not LEAST_HEIGHT_M < height < MOST_HEIGHT_M:
-        meant = [
-            f"; {height:g} {unit} are {size * height:g}" for unit, size in UNITS_M.items() if 1 < size * height < 10
-        ]
-        limits = f", between {LEAST_HEIGHT_M:g} and {MOST_HEIGHT_M:g}"
-        raise SiteError(f"--camera-height {height:g}: metres are expected{meant[0] if meant else limits}")
-
-
 def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
     """Make the output folder. Raises OutputError when nothing can be written there, or next to nothing, or where one of
     the `files` could not be written below it."""
@@ -203,25 +194,20 @@ def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _probe(folder)
+        if is_url(folder):
+            probe = folder / f"{PREFIX}{uuid.uuid4().hex[:8]}"
+            try:
+                probe.write_bytes(bytes(LEAST_ROOM))
+            finally:
+                with suppress(OSError):
+                    probe.unlink(missing_ok=True)
+        else:
+            with tempfile.TemporaryFile(dir=folder) as stream:
+                stream.write(bytes(LEAST_ROOM))
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
     if not is_url(folder):
         _require_free(files, folder)
-
-
-def _probe(folder: Path) -> None:
-    """Write a file of `LEAST_ROOM` bytes, and remove it."""
-    if not is_url(folder):
-        with tempfile.TemporaryFile(dir=folder) as stream:
-            stream.write(bytes(LEAST_ROOM))
-        return
-    probe = folder / f"{PREFIX}{uuid.uuid4().hex[:8]}"
-    try:
-        probe.write_bytes(bytes(LEAST_ROOM))
-    finally:
-        with suppress(OSError):
-            probe.unlink(missing_ok=True)
 
 
 def _require_free(files: Iterable[Path], root: Path) -> None:

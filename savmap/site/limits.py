@@ -4,15 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
-from savmap.errors import SiteError
 from savmap.files.validation import validated
 from savmap.plugin.inspection import InspectionLimits
-from savmap.site.load import read_draft
-from savmap.site.locations import explained, misspelt
+from savmap.site.load import read_draft, section_in
 
-LIMITS_FILE = "file of limits"
 Metres = Annotated[float, Field(gt=0, lt=100)]
 
 
@@ -40,13 +37,7 @@ class SiteLimits(InspectionLimits):
 
 def load_limits(path: Path) -> SiteLimits:
     """The limits of a file. Raises SiteError with file and line; what a plugin does not take, it says itself."""
-    draft = read_draft(path, what=LIMITS_FILE, guide="docs/inspection.md")
-    for problem in (*(text for _, text in draft.doubles), *misspelt(SiteLimits, draft.places).values()):
-        raise SiteError(problem)
-    try:
-        return SiteLimits.model_validate(draft.content)
-    except ValidationError as error:
-        raise SiteError(next(iter(explained(error, SiteLimits, draft.places).values()))) from None
+    return section_in(SiteLimits, read_draft(path, what="file of limits", guide="docs/inspection.md"))
 
 
 def limits_of(given: Mapping[str, Any]) -> SiteLimits:

@@ -3,33 +3,29 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from savmap.errors import SiteError
 from savmap.files import yaml_text
 from savmap.files.atomic import reason
-from savmap.files.kinds import kind_of_file, kind_of_text
+from savmap.files.kinds import kind_of_file
 from savmap.files.texts import bounded_text, head_of, is_text
 from savmap.files.urls import in_folder, likely, on_disk
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
-from savmap.site.locations import SourceMap, explained, left_out, misspelt
+from savmap.site.locations import SourceMap, explained, left_out, without_value
 from savmap.site.model import Pass, Row, Site
 from savmap.site.overrides import Override, applied
 from savmap.site.sections import AlignSection, LayoutSection
 from savmap.video.container import is_video
 
+Part = TypeVar("Part", bound=BaseModel)
 Problems = Sequence[tuple[Location, str]]
 SITE_FILE = "site file"
 SITE_SUFFIXES = (".yaml", ".yml")
-INSTEAD = {
-    "a map": "did you mean `savmap view`, `savmap report` or `savmap export`?",
-    "a survey": "a site file names it as `survey:`",
-}
-"""What to do with another file of savmap's than a site file."""
 HEAD = 4096
 """Bytes of a file by which it is text or not: every container that is read has other bytes in its first hundred."""
 NEITHER = "is neither a site file (YAML, see docs/site-file.md) nor a video"
@@ -86,15 +82,17 @@ def load_alignment(path: Path) -> KnownAlignment:
     is not as docs/site-file.md says."""
     draft = read_draft(path, what="file with `align:`")
     at: Location = ("align",) if "align" in draft.content else ()
-    for _, problem in draft.doubles:
-        raise SiteError(problem)
-    content = draft.content["align"] if at else draft.content
-    for problem in misspelt(AlignSection, draft.places, (at,)).values():
+    return KnownAlignment(section_in(AlignSection, draft, at), draft.places, at)
+
+
+def section_in(model: type[Part], draft: Draft, at: Location = ()) -> Part:
+    """A draft as a model, or what stands at a key of it. Raises SiteError with the first problem's place."""
+    for problem in (*dict(draft.doubles).values(), *without_value(model, draft.places, (at,)).values()):
         raise SiteError(problem)
     try:
-        return KnownAlignment(AlignSection.model_validate(content), draft.places, at)
+        return model.model_validate(draft.content[str(at[0])] if at else draft.content)
     except ValidationError as error:
-        problems = explained(error, AlignSection, draft.places, lambda location: (*at, *location))
+        problems = explained(error, model, draft.places, lambda location: (*at, *location))
         raise SiteError(next(iter(problems.values()))) from None
 
 
@@ -103,20 +101,32 @@ def read_draft(
 ) -> Draft:
     """The content of a site file, or of another (`what`) that `guide` explains. Raises SiteError where it is no YAML or
     another file, or where an override does not fit it."""
-    text = _read(path, what)
-    _require_no_other(path, kind_of_text(text), what)
+
+    def refused(problem: str, line: int | None = None) -> SiteError:
+        """Of a file that does not even have the name of a site file: it may have been meant for anything."""
+        if what == SITE_FILE and path.suffix.lower() not in SITE_SUFFIXES:
+            return SiteError(f"{path}: {NEITHER} ({f'line {line}: ' if line else ''}{problem})")
+        return SiteError(f"{path}{f':{line}' if line else ''}: {problem}")
+
+    kind = kind_of_file(path)
+    if kind and kind != "a site file":
+        raise SiteError(f"{path}: is {kind}, not a {what}")
     try:
-        document = yaml_text.document(text)
+        document = yaml_text.document(bounded_text(path, yaml_text.MOST_MB))
+    except FileNotFoundError:
+        advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
+        raise SiteError(f"{path}: no such {what}{likely(path) or advice}") from None
+    except OSError as error:
+        raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except YamlError as error:
-        if _may_be_anything(path, what):
-            raise SiteError(f"{path}: {NEITHER} (line {error.line or 1}: {error})") from None
-        where = f"{path}:{error.line}" if error.line else str(path)
-        raise SiteError(f"{where}: not valid YAML: {error}") from None
+        raise refused(f"not valid YAML: {error}", error.line) from None
+    except ValueError as error:
+        if what == SITE_FILE and not is_text(head_of(path, HEAD)) and is_video(path):
+            raise SiteError(f"{path}: is a video, not a site file; `savmap init` writes one for it") from None
+        raise refused(f"cannot be read as a {what}: it {error}") from None
     if not isinstance(document.content, dict):
-        if _may_be_anything(path, what):
-            raise SiteError(f"{path}: {NEITHER} (a site file is a mapping with at least `rows:`)")
         least = " with at least `rows:`" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: a {what} is a mapping{least} (see {guide})")
+        raise refused(f"a {what} is a mapping{least} (see {guide})")
     doubles = tuple(
         (location, f"{path}:{line}: `{'.'.join(map(str, location))}` is given twice, first in line {first}")
         for location, first, line in document.doubles
@@ -149,7 +159,7 @@ def problems_in(draft: Draft) -> Problems:
         layout, rows = _layout_alone(draft.content)
     unfit = (*misplaced(layout, rows), *misaligned(align, rows))
     wrong = [(at, f"{draft.places.of(at)}: `{'.'.join(map(str, at))}`: {text}") for at, text in unfit]
-    return [*draft.doubles, *{**problems, **misspelt(Site, draft.places)}.items(), *wrong]
+    return [*draft.doubles, *{**problems, **without_value(Site, draft.places)}.items(), *wrong]
 
 
 def notes_on(draft: Draft) -> tuple[str, ...]:
@@ -188,35 +198,6 @@ def sound_part(draft: Draft) -> Site | None:
     return _resolve(Site.model_validate({**content, "rows": kept}), draft.folder) if kept else None
 
 
-def _read(path: Path, what: str) -> str:
-    try:
-        return bounded_text(path, yaml_text.MOST_MB)
-    except FileNotFoundError:
-        advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: no such {what}{likely(path) or advice}") from None
-    except OSError as error:
-        raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
-    except ValueError as error:
-        _require_no_other(path, kind_of_file(path), what)
-        if what == SITE_FILE and (head := head_of(path, HEAD)) and not is_text(head) and is_video(path):
-            raise SiteError(f"{path}: is a video, not a site file; `savmap init` writes one for it") from None
-        if _may_be_anything(path, what):
-            raise SiteError(f"{path}: {NEITHER} (it {error})") from None
-        raise SiteError(f"{path}: cannot be read as a {what}: it {error}") from None
-
-
-def _require_no_other(path: Path, kind: str, what: str) -> None:
-    """Raise SiteError for another file of savmap's."""
-    if kind and kind != "a site file":
-        advice = INSTEAD.get(kind, "") if what == SITE_FILE else ""
-        raise SiteError(f"{path}: is {kind}, not a {what}{advice and '; '}{advice}")
-
-
-def _may_be_anything(path: Path, what: str) -> bool:
-    """Whether a file that is no site file does not even have the name of one."""
-    return what == SITE_FILE and path.suffix.lower() not in SITE_SUFFIXES
-
-
 def _resolve(site: Site, folder: Path) -> Site:
     """The site with all its paths taken from a folder: those of videos, the survey and plugins' networks."""
 
@@ -239,10 +220,6 @@ def _resolve(site: Site, folder: Path) -> Site:
 
 def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
     """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
-    return {
-        name: {
-            key: str(on_disk(folder / value)) if key == "model" and isinstance(value, str) else value
-            for key, value in settings.items()
-        }
-        for name, settings in plugins.items()
-    }
+    named = {name: settings["model"] for name, settings in plugins.items() if isinstance(settings.get("model"), str)}
+    paths = {name: {"model": str(on_disk(folder / model))} for name, model in named.items()}
+    return {name: {**settings, **paths.get(name, {})} for name, settings in plugins.items()}

@@ -3,16 +3,16 @@
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from savmap.files import validation
-from savmap.files.validation import Location, allows_section, annotations_at, is_model, path_of
-from savmap.files.yaml_text import space_needed, unspaced
+from savmap.files.validation import Location, kinds_at, path_of, schema_of
 
 INHERITED = ("video", "fps", "camera")
 """What passes take from their row, or from the site, where they do not say it themselves."""
+SECTIONS = ("object", "array")
+"""Types, in JSON Schemas, of sections and lists."""
 
 
 @dataclass(frozen=True)
@@ -53,31 +53,32 @@ class SourceMap:
         return next((above for above in ((*row, *key), key) if above[:-1] in places or above in places), location)
 
 
-def misspelt(
+def without_value(
     model: type[BaseModel],
     source: SourceMap,
     roots: Collection[Location] = ((),),
     empty_sections: bool = True,
 ) -> dict[Location, str]:
-    """A line for each key that has no value or runs into it, by its location in the file. `roots` are the places there
-    at which the model's keys may stand; `empty_sections`: whether nothing may stand in a section."""
-    problems: dict[Location, str] = {}
+    """A line for each key that has no value, by its location in the file. `roots` are the places there at which the
+    model's keys may stand; `empty_sections`: whether nothing may stand in a section."""
+    schema, problems = schema_of(model), dict[Location, str]()
     for location, root in product(source.empty, roots):
-        if location[: len(root)] != root or location == root or source.sets(location):
-            continue
-        kinds = annotations_at(model, location[len(root) :])
-        if parts := unspaced(str(location[-1])):
-            problems[location] = space_needed(*parts)
-        elif kinds and Any not in kinds and not (empty_sections and allows_section(kinds)):
-            problems[location] = "it has no value: write one behind the colon, or take the key away"
-    return {location: f"{source.of(location)}: `{path_of(location)}`: {text}" for location, text in problems.items()}
+        if location[: len(root)] == root and location != root and not source.sets(location):
+            kinds = kinds_at(schema, location[len(root) :])
+            may_be_empty = empty_sections and any(kind.get("type") in SECTIONS for kind in kinds)
+            if kinds and all("type" in kind for kind in kinds) and not may_be_empty:
+                text = "it has no value: write one behind the colon, or take the key away"
+                problems[location] = f"{source.of(location)}: `{path_of(location)}`: {text}"
+    return problems
 
 
 def left_out(model: type[BaseModel], source: SourceMap) -> Iterator[str]:
     """A line for each section or list of a file in which nothing stands."""
+    schema = schema_of(model)
     for location in source.empty:
-        named = any(map(is_model, annotations_at(model, location[:-1])))
-        if named and not source.sets(location) and allows_section(annotations_at(model, location)):
+        named = any(location[-1] in section.get("properties", ()) for section in kinds_at(schema, location[:-1]))
+        section = any(kind.get("type") in SECTIONS for kind in kinds_at(schema, location))
+        if named and section and not source.sets(location):
             yield f"{source.of(location)}: `{path_of(location)}` has no value, and is as good as left out"
 
 

@@ -38,18 +38,16 @@ MIN_FRAMES = 3
 DIRECTIONS = {"left": "+x", "right": "-x"}
 
 
-def _completed(content: object) -> object:
+def _completed(site: object) -> object:
     """A site's content with its passes' video, rate and views filled in from their row or the site. What is not as it
     should be is left as it is, for the checks that follow."""
-    if not isinstance(content, Mapping) or not isinstance(content.get("rows"), Mapping):
-        return content
-    return {**content, "rows": {name: _completed_row(row, content) for name, row in content["rows"].items()}}
-
-
-def _completed_row(row: object, site: Mapping[Any, Any]) -> object:
-    if not isinstance(row, Mapping) or not isinstance(row.get("passes"), list | tuple):
-        return row
-    return {**row, "passes": [_completed_pass(section, row, site) for section in row["passes"]]}
+    if not isinstance(site, Mapping) or not isinstance(site.get("rows"), Mapping):
+        return site
+    rows = dict(site["rows"])
+    for name, row in rows.items():
+        if isinstance(row, Mapping) and isinstance(row.get("passes"), list | tuple):
+            rows[name] = {**row, "passes": [_completed_pass(section, row, site) for section in row["passes"]]}
+    return {**site, "rows": rows}
 
 
 def _completed_pass(section: object, row: Mapping[Any, Any], site: Mapping[Any, Any]) -> object:
@@ -234,8 +232,13 @@ class Site(Strict):
     @field_validator("rows")
     @classmethod
     def _names(cls, value: Mapping[str, Row]) -> Mapping[str, Row]:
+        """Files and folders are called by them."""
         for name in value:
-            if fault := _fault_of_name(name):
+            fault = "" if name.strip(". ") else "a row's name is more than dots and blanks"
+            if fault_of_path(name.replace("/", "-")) or len(file_name(name)) > MOST_NAME:
+                limits = f"no control characters and at most {MOST_NAME} letters, as a file's name counts them"
+                fault = f"a row's name holds {limits}"
+            if fault:
                 raise ValueError(f"{fault} (it is {SHORT.repr(name)})")
         return value
 
@@ -275,15 +278,6 @@ def _laid_over(section: Section, row_section: Section) -> Section:
 def pass_names(passes: Sequence[Pass]) -> list[str]:
     """Names of a row's passes, in order."""
     return [f"pass {number}" for number in range(1, len(passes) + 1)]
-
-
-def _fault_of_name(name: str) -> str:
-    """What is wrong with a row's name: files and folders are called by it."""
-    if not name.strip(". "):
-        return "a row's name is more than dots and blanks"
-    if fault_of_path(name.replace("/", "-")) or len(file_name(name)) > MOST_NAME:
-        return f"a row's name holds no control characters and at most {MOST_NAME} letters, as a file's name counts them"
-    return ""
 
 
 def _emptied(value: object) -> object:

@@ -32,11 +32,20 @@ class Override:
 
 def overrides_of(options: Iterable[str], environment: Mapping[str, str]) -> tuple[Override, ...]:
     """Overrides in the order in which they are applied. Raises SiteError for one that cannot be understood."""
-    variables = sorted(name for name in environment if name.startswith(PREFIX))
-    return (
-        *(_from_variable(name, environment[name]) for name in variables),
-        *(_from_option(option) for option in options),
-    )
+    overrides = []
+    for name in sorted(name for name in environment if name.startswith(PREFIX)):
+        keys = name.removeprefix(PREFIX).lower().split("__")
+        if not all(keys) or len(name) > MOST_LETTERS:
+            raise SiteError(f"{name:.60}: put two underscores between keys, such as {PREFIX}ROWS__A__FPS")
+        overrides.append(Override(name, tuple(keys), _value(environment[name])))
+    for option in options:
+        path, equals, text = option.partition("=")
+        matches = list(KEYS.finditer(path := path.strip())) if len(path) <= MOST_LETTERS else []
+        if not equals or not matches or "".join(match.group() for match in matches) != path:
+            raise SiteError(f"--set {option:.60}: give a key and its value, such as rows.A.fps=5")
+        names = tuple(next(filter(None, match.groups())) for match in matches)
+        overrides.append(Override(f"--set {path}", names, _value(text)))
+    return tuple(overrides)
 
 
 def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[dict[str, Any], dict[Location, str]]:
@@ -52,29 +61,6 @@ def applied(content: Mapping[str, Any], overrides: Iterable[Override]) -> tuple[
         places.pop(location, None)
         places[location] = override.place
     return changed, places
-
-
-def _from_variable(name: str, text: str) -> Override:
-    _require_short(name)
-    keys = tuple(name.removeprefix(PREFIX).split("__"))
-    if not all(keys):
-        raise SiteError(f"{name}: put two underscores between keys, such as {PREFIX}ROWS__A__FPS")
-    return Override(name, tuple(key.lower() for key in keys), _value(text))
-
-
-def _from_option(option: str) -> Override:
-    path, equals, text = option.partition("=")
-    path = path.strip()
-    _require_short(f"--set {path}")
-    keys = list(KEYS.finditer(path))
-    if not equals or not keys or "".join(match.group() for match in keys) != path:
-        raise SiteError(f"--set {option}: give a key and its value, such as rows.A.fps=5")
-    return Override(f"--set {path}", tuple(next(filter(None, match.groups())) for match in keys), _value(text))
-
-
-def _require_short(place: str) -> None:
-    if len(place) > MOST_LETTERS:
-        raise SiteError(f"{place[:60]}...: the key has more than {MOST_LETTERS} letters")
 
 
 def _value(text: str) -> Any:

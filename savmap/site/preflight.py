@@ -1,11 +1,11 @@
 """What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import ValidationError
 
@@ -26,11 +26,11 @@ from savmap.maps.survey import read_survey
 from savmap.plugin.manager import load_class
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, plugins_for, prepare
-from savmap.site.locations import SourceMap, explained, misspelt
+from savmap.site.locations import SourceMap, explained, without_value
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
-from savmap.site.sections import CameraSection, ReferenceSection
-from savmap.video.clip import Clip, VideoInfo, time_range, too_few
+from savmap.site.sections import CameraSection
+from savmap.video.clip import VideoInfo, time_range, too_few
 from savmap.video.reader import check_camera, expected_frames, probe_clip
 from savmap.vision.markers import MarkerTracker
 
@@ -59,7 +59,7 @@ def _of_plugin(site: Site, name: str, places: SourceMap) -> Iterator[SavmapError
     for row in site.rows:
         settings, at = site.plugin_config(row, name), partial(_given, site, row, name)
         roots = (("plugins", name), ("rows", row, "plugins", name))
-        wrong = misspelt(config, places, roots, empty_sections=False)
+        wrong = without_value(config, places, roots, empty_sections=False)
         try:
             config.model_validate(settings)
         except ValidationError as error:
@@ -78,15 +78,13 @@ def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
     so. A row that its camera sees in part needs none: it has a unit of its own."""
     if any(row_pass.clip.camera is not None for row_pass in site.rows[row].passes):
         return True
+    for plugin in plugins:
+        config = site.plugin_config(row, plugin)
+        settings = getattr(load_class(plugin), "scale_settings", config)  # any, where it does not name them
+        if any(config.get(key) is not None for key in settings):
+            return True
     given = site.row_references(row)
-    settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
-    return settings or bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)
-
-
-def _scale_settings(config: Mapping[str, Any], plugin: str) -> bool:
-    """Whether any of a plugin's `scale_settings`, or any setting where it does not name them, is given."""
-    named = getattr(load_class(plugin), "scale_settings", config)
-    return any(config.get(key) is not None for key in named)
+    return bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)
 
 
 class Question(str):
@@ -145,12 +143,7 @@ def networks(job: Job, named: bool = False) -> Iterator[SavmapError | str]:
 
 def references(job: Job) -> Iterator[SavmapError]:
     """References to what no plugin can find, markers that cannot be printed, and rows whose scale nothing could fix."""
-    sections = {row: job.site.row_references(row) for row in job.site.rows}
-    yield from _once(
-        problem
-        for row, given in sections.items()
-        for problem in (*_misnamed(job, row, given), *_unprintable(job, row, given))
-    )
+    yield from _once(problem for row in job.site.rows for problem in _unfit_references(job, row))
     for row in job.site.rows:
         if job.earlier is None and job.against is None and not tells_scale(job.site, row, job.plugins):
             text = (
@@ -170,15 +163,11 @@ def earlier_map(job: Job) -> Iterator[SavmapError]:
     except OutputError as error:
         yield SiteError(f"--against: {error}" + ("" if job.against.is_file() else "; give a map.json or its folder"))
         return
-    if _is_within(job.against, job.output):
+    local = not is_url(job.against) and not is_url(job.output)
+    if local and job.against.resolve().parent == job.output.resolve():
         yield SiteError(f"--against: {job.against}: lies where this run writes its map; choose another -o")
     if job.against_row is not None and job.against_row not in rows:
         yield SiteError(f"--row {job.against_row}: {job.against} has no such row; it has {', '.join(rows)}")
-
-
-def _is_within(file: Path, folder: Path) -> bool:
-    """Whether a file lies in a folder, which need not be there."""
-    return not is_url(file) and not is_url(folder) and file.resolve().parent == folder.resolve()
 
 
 def questions(job: Job) -> Iterator[Question]:
@@ -201,22 +190,19 @@ def _questions_of(job: Job, row: str) -> Iterator[Question]:
         yield from (Question(f"{place}: row {row}: {text}") for text in asked(names))
 
 
-def _unprintable(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:
-    for number, marker in enumerate(section.markers):
+def _unfit_references(job: Job, row: str) -> Iterator[SavmapError]:
+    """References to what no plugin can find, but where a plugin does not say what it calls things or an earlier map has
+    names too, and markers that cannot be printed."""
+    given = job.site.row_references(row)
+    declared = [getattr(load_class(name), "reference_names", None) for name in dict.fromkeys(job.plugins)]
+    if job.earlier is None and None not in declared:
+        for location, text in misnamed(given, [name for names in declared for name in names or ()]):
+            yield with_location(SiteError(text), job.places, _of_reference(job, row, location))
+    for number, marker in enumerate(given.markers):
         try:
             MarkerTracker([(marker.dictionary, marker.id)])
         except SiteError as error:
             yield with_location(error, job.places, _of_reference(job, row, ("markers", number)))
-
-
-def _misnamed(job: Job, row: str, section: ReferenceSection) -> Iterator[SavmapError]:
-    """References to what no plugin can find; nothing where a plugin does not say what it calls things, or an earlier
-    map has names too."""
-    declared = [getattr(load_class(name), "reference_names", None) for name in dict.fromkeys(job.plugins)]
-    if job.earlier is not None or None in declared:
-        return
-    for location, text in misnamed(section, [name for names in declared for name in names or ()]):
-        yield with_location(SiteError(text), job.places, _of_reference(job, row, location))
 
 
 def _of_reference(job: Job, row: str, location: Location) -> Location:
@@ -239,7 +225,13 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
         text = f"{job.site.survey}: has none of the site's rows; it has {', '.join(surveyed)}"
         yield with_location(SiteError(text), job.places, ("survey",))
     for row in common:
-        yield from _surveyed(job, row, surveyed[row])
+        for plugin in plugins_for(job, row):
+            try:
+                plugin.evaluate((), surveyed[row])
+            except OutputError as error:
+                yield with_location(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
+            except SavmapError:
+                continue
     for who, rows in (
         ("tells nothing of", job.site.rows.keys() - surveyed),
         ("also tells of", surveyed.keys() - job.site.rows),
@@ -248,38 +240,23 @@ def survey(job: Job) -> Iterator[SavmapError | str]:
             yield f"{job.site.survey}: {who} row {', '.join(sorted(rows))}"
 
 
-def _surveyed(job: Job, row: str, entry: Any) -> Iterator[SavmapError]:
-    """What plugins cannot read of a row's survey."""
-    for plugin in plugins_for(job, row):
-        try:
-            plugin.evaluate((), entry)
-        except OutputError as error:
-            yield with_location(OutputError(f"{job.site.survey}: row {row}: {error}"), job.places, ("survey",))
-        except SavmapError:
-            continue
-
-
 def footage(job: Job) -> Iterator[SavmapError | Footage]:
     """Passes whose videos can be read, and what is wrong with the others."""
     probed: dict[tuple[Path, CameraSection | None], VideoInfo | SavmapError] = {}
     for row, section in job.site.rows.items():
         for number, (name, row_pass) in enumerate(zip(pass_names(section.passes), section.passes, strict=True)):
-            info = probed.setdefault((row_pass.video, row_pass.camera), _probed(row_pass.clip))
-            at: Location = ("rows", row, "passes", number)
-            yield (
-                _footage(job, Footage(row, name, at, row_pass, info, 0))
-                if isinstance(info, VideoInfo)
-                else with_location(info, job.places, (*at, "video"))
-            )
-
-
-def _probed(clip: Clip) -> VideoInfo | SavmapError:
-    try:
-        info = probe_clip(clip)
-        check_camera(clip, info)
-    except (VideoError, SiteError) as error:
-        return error
-    return info
+            key, at = (row_pass.video, row_pass.camera), ("rows", row, "passes", number)
+            if key not in probed:
+                try:
+                    probed[key] = info = probe_clip(row_pass.clip)
+                    check_camera(row_pass.clip, info)
+                except (VideoError, SiteError) as error:
+                    probed[key] = error
+            video = probed[key]
+            if isinstance(video, SavmapError):
+                yield with_location(video, job.places, (*at, "video"))
+            else:
+                yield _footage(job, Footage(row, name, at, row_pass, video, 0))
 
 
 def _footage(job: Job, part: Footage) -> SavmapError | Footage:

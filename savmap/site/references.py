@@ -10,12 +10,8 @@ from savmap.graph import (
     CameraHeight,
     KnownLength,
     KnownMarker,
-    LensDistance,
     References,
-    Shutter,
-    Stitching,
     SurveyedPoint,
-    VerticalScale,
 )
 from savmap.site.sections import CalibrationSection, ReferenceSection
 
@@ -52,34 +48,18 @@ def misnamed(section: ReferenceSection, patterns: Sequence[str]) -> Iterator[tup
     for location, name in named:
         pattern = NUMBER.sub("#", name)
         if pattern not in patterns and not name.startswith(OF_MARKERS):
-            near = get_close_matches(pattern, patterns, 1)
-            hint = (
-                f"did you mean `{_numbered(near[0], name)}`?"
-                if near
-                else f"known are {', '.join(patterns)} (#: a number)"
-            )
+            hint = f"known are {', '.join(patterns)} (#: a number)"
+            for near in get_close_matches(pattern, patterns, 1):
+                for number in NUMBER.findall(name):
+                    near = near.replace("#", number, 1)
+                hint = f"did you mean `{near}`?"
             yield location, f"nothing is called `{name}`: {hint}"
 
 
 def calibration_of(section: CalibrationSection) -> Calibration | None:
     """What of the camera is estimated; None if nothing is."""
-    panorama, vertical, shutter = section.panorama, section.vertical_scale, section.rolling_shutter
-    lenses = section.lens_distance
-    if panorama is None and vertical is None and lenses is None and shutter is None:
-        return None
-    return Calibration(
-        Stitching(panorama.turn_sigma_deg, panorama.scale_sigma, panorama.blend_deg) if panorama else None,
-        Shutter(shutter.sigma_s, shutter.axis) if shutter else None,
-        section.front_deg,
-        VerticalScale(vertical.sigma) if vertical else None,
-        LensDistance(lenses.sigma_m) if lenses else None,
-    )
-
-
-def _numbered(pattern: str, name: str) -> str:
-    """The pattern with the name's numbers."""
-    numbers = iter(NUMBER.findall(name))
-    return re.sub("#", lambda _: next(numbers, "#"), pattern)
+    terms = section.panorama, section.rolling_shutter, section.vertical_scale, section.lens_distance
+    return Calibration(*terms[:2], section.front_deg, *terms[2:]) if any(terms) else None
 
 
 def _position(axis: str, value: float) -> tuple[float | None, float | None, float | None]:

@@ -3,9 +3,9 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import numpy as np
@@ -27,9 +27,10 @@ from pydantic_core import PydanticKnownError
 from savmap.errors import SiteError
 from savmap.files.texts import fault_of_path
 from savmap.files.urls import where
-from savmap.files.validation import SHORT, fields_of, may_be_none
+from savmap.files.validation import SHORT
 from savmap.geometry.cameras import Camera, Fisheye, FisheyePair, Pinhole
-from savmap.maps.schema import FARTHEST_WORLD_M
+from savmap.types.calibration import LensDistance, Shutter, Stitching, VerticalScale
+from savmap.types.written import FARTHEST_WORLD_M
 from savmap.video.calibration import camera_from
 
 Metres = Annotated[float, Field(gt=-1000, lt=1000)]
@@ -70,12 +71,6 @@ Providers = Annotated[
 """Execution providers of onnxruntime, one or more; as text with commas between."""
 
 
-def _is_number(annotation: Any) -> bool:
-    """Whether a field holds a number, or none."""
-    choices = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
-    return float in choices or any(get_args(choice)[:1] == (float,) for choice in choices)
-
-
 class Strict(BaseModel):
     """A section of a site file: unknown keys are refused. Known ones without a value are as good as left out."""
 
@@ -86,18 +81,18 @@ class Strict(BaseModel):
     def _left_out(cls, value: object) -> object:
         if not isinstance(value, Mapping):
             return value
-        fields = fields_of(cls)
-        return {
-            key: given
-            for key, given in value.items()
-            if given is not None or key not in fields or may_be_none(fields[key])
-        }
+        of_none = {key for key, field in cls.model_fields.items() if NoneType not in get_args(field.annotation)}
+        return {key: given for key, given in value.items() if given is not None or key not in of_none}
 
     @field_validator("*", mode="before")
     @classmethod
     def _no_word_for_a_number(cls, value: object, field: ValidationInfo) -> object:
         """YAML's yes and no, which pydantic takes for 1 and 0."""
-        if isinstance(value, bool) and _is_number(cls.model_fields[str(field.field_name)].annotation):
+        if not isinstance(value, bool):
+            return value
+        annotation = cls.model_fields[str(field.field_name)].annotation
+        choices = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+        if float in choices or any(get_args(choice)[:1] == (float,) for choice in choices):
             raise PydanticKnownError("float_type")
         return value
 
@@ -298,66 +293,28 @@ WIDEST_PINHOLE_DEG = 150.0
 KINDS: Mapping[str, type[Camera]] = {"pinhole": Pinhole, "fisheye": Fisheye, "fisheye-pair": FisheyePair}
 
 
-class PanoramaSection(Strict):
-    """How far the panorama's rear half may be turned against the front half about each axis, and by what part each
-    lens's scale may be off."""
+def _switch(kind: Any) -> BeforeValidator:
+    """For a section that `true` may stand for. Known keys without a value are as good as left out."""
+    known_keys = {field.name for field in fields(kind)}
 
-    turn_sigma_deg: Annotated[float, Field(gt=0, le=10)] = 1.0
-    """Standard deviation of each of the three angles."""
-    scale_sigma: Annotated[float, Field(gt=0, le=0.1)] = 0.003
-    """Standard deviation of each lens's scale."""
-    blend_deg: Annotated[float, Field(gt=0, le=30)] = 1.0
-    """Over how many degrees the halves are blended."""
+    def switched(value: object) -> object:
+        if isinstance(value, Mapping):
+            return {key: given for key, given in value.items() if given is not None or key not in known_keys}
+        return ({} if value else None) if isinstance(value, bool) else value
 
-
-class ShutterSection(Strict):
-    """The panorama's read-out time, from its first row (or column) to the last."""
-
-    sigma_s: Annotated[float, Field(gt=0, le=0.2)] = 0.02
-    """Standard deviation of the read-out time."""
-    axis: Literal["rows", "columns"] = "rows"
-    """From the top of the panorama down, or across each half to the right."""
-
-
-class VerticalScaleSection(Strict):
-    """How much too large or too small the panorama may show elevations, all by one factor."""
-
-    sigma: Annotated[float, Field(gt=0, le=0.2)] = 0.02
-    """Standard deviation of the factor."""
-
-
-class LensDistanceSection(Strict):
-    """How far apart the camera's two lenses may stand, where its program bends the pictures at a seam that crosses the
-    face. Where the seam is, the footage tells, not `front_deg`."""
-
-    sigma_m: Annotated[float, Field(gt=0, le=0.2)] = 0.03
-    """Standard deviation of the distance."""
-
-
-def _switched(value: object) -> object:
-    return ({} if value else None) if isinstance(value, bool) else value
+    return BeforeValidator(switched, json_schema_input_type=bool | kind | None)
 
 
 class CalibrationSection(Strict):
     """What of the camera is estimated with the map; `true` takes the usual figures."""
 
-    panorama: Annotated[
-        PanoramaSection | None, BeforeValidator(_switched, json_schema_input_type=bool | PanoramaSection | None)
-    ] = None
+    panorama: Annotated[Stitching | None, _switch(Stitching)] = None
     """The fit of the panorama's two halves."""
-    vertical_scale: Annotated[
-        VerticalScaleSection | None,
-        BeforeValidator(_switched, json_schema_input_type=bool | VerticalScaleSection | None),
-    ] = None
+    vertical_scale: Annotated[VerticalScale | None, _switch(VerticalScale)] = None
     """A factor of all elevations: panoramas that were cropped and stretched to 2:1 again."""
-    lens_distance: Annotated[
-        LensDistanceSection | None,
-        BeforeValidator(_switched, json_schema_input_type=bool | LensDistanceSection | None),
-    ] = None
+    lens_distance: Annotated[LensDistance | None, _switch(LensDistance)] = None
     """The distance between the lenses: pictures that are bent at a seam that crosses the face."""
-    rolling_shutter: Annotated[
-        ShutterSection | None, BeforeValidator(_switched, json_schema_input_type=bool | ShutterSection | None)
-    ] = None
+    rolling_shutter: Annotated[Shutter | None, _switch(Shutter)] = None
     """The time from the first row of the panorama to the last one."""
     front_deg: Annotated[float, Field(ge=-180, le=180)] = 0.0
     """Longitude of the panorama at which the front lens looks, degrees to the right of its centre column."""

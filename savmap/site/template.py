@@ -5,7 +5,7 @@ import os
 import string
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydantic_core import PydanticUndefined, to_jsonable_python
 
@@ -50,17 +50,14 @@ def starter_text(videos: "Sequence[VideoInfo]", folder: Path) -> str:
 
     letters = string.ascii_uppercase
     names = letters if len(videos) <= len(letters) else map(str, range(1, len(videos) + 1))
-    rows = [(name, *_video_of(info, folder)) for name, info in zip(names, videos, strict=False)]
+    rows: list[tuple[str, str, Sequence[str]]] = []
+    for name, info in zip(names, videos, strict=False):
+        video = path_text(os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve()))
+        what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
+        times = ("start_s: 0", f"end_s: {int(info.duration_s * 100) / 100:.12g}")
+        rows.append((name, f"{video}  # {what}", times))
     template = Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True, keep_trailing_newline=True)
     return str(template.render(schema=SCHEMA, plugins=_plugins(), rows=rows or [("A", "aisle.mp4", ())]))
-
-
-def _video_of(info: "VideoInfo", folder: Path) -> tuple[str, Sequence[str]]:
-    """A video in YAML, with what it is, and the keys of its beginning and end."""
-    video = os.path.relpath(info.path.parent.resolve() / info.path.name, folder.resolve())
-    what = f"{info.width}x{info.height} {info.codec}, {info.rate_fps:.4g} frames a second"
-    end_s = int(info.duration_s * 100) / 100
-    return f"{path_text(video)}  # {what}", ("start_s: 0", f"end_s: {end_s:.12g}")
 
 
 def _plugins() -> Iterator[str]:
@@ -72,20 +69,12 @@ def _plugins() -> Iterator[str]:
         missing = " and ".join(lacking(plugin))
         yield f"#  {name}:  # {missing} not installed" if missing else f"  {name}:"
         for key, field in plugin.Config.model_fields.items():
-            inner = _keys(field.annotation)
+            options = (field.annotation, *getattr(field.annotation, "__args__", ()))
+            inner = [key for option in options for key in getattr(option, "model_fields", {})]  # of a section
             says = " ".join((field.description or "").split()) + (f" Keys: {', '.join(inner)}." if inner else "")
-            default = _value(field.get_default(call_default_factory=True))
-            yield f"#    {key}: {default}" + (f"  # {says}" if says else "")
-
-
-def _value(default: object) -> str:
-    return "null" if default is PydanticUndefined else json.dumps(to_jsonable_python(default), ensure_ascii=False)
-
-
-def _keys(annotation: Any) -> list[str]:
-    """Keys of a setting that is a section."""
-    options = (annotation, *getattr(annotation, "__args__", ()))
-    return [key for option in options for key in getattr(option, "model_fields", {})]
+            default = field.get_default(call_default_factory=True)
+            value = None if default is PydanticUndefined else to_jsonable_python(default)
+            yield f"#    {key}: {json.dumps(value, ensure_ascii=False)}" + (f"  # {says}" if says else "")
 
 
 def _is_ours(schema: Path) -> bool:

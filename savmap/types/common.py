@@ -6,6 +6,7 @@ from math import isfinite
 from typing import Literal
 
 from savmap.geometry.arrays import Bools, Floats, Ints, array_record, read_only
+from savmap.types.written import Number, Spread
 
 __all__ = ["Attribute", "Axis", "Bools", "Floats", "Ints", "Measured", "Place", "array_record", "read_only", "require"]
 
@@ -18,8 +19,8 @@ class Measured:
     """A number with its standard deviation, in the unit that its name ends with ("height_m"). Raises ValueError for a
     sigma that is negative or a number that is not finite."""
 
-    value: float
-    sigma: float
+    value: Number
+    sigma: Spread
 
     def __post_init__(self) -> None:
         require(isfinite(self.value) and isfinite(self.sigma), self, "value and sigma must be finite")

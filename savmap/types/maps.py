@@ -2,15 +2,31 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from operator import not_
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field, PlainSerializer
 
 from savmap.types.common import Attribute, Axis, Bools, Floats, Ints, Measured, array_record, require
 from savmap.types.evidence import PlanePatch
 from savmap.types.pictures import ViewSpec
 from savmap.types.rows import FrameTable, Trajectory
 from savmap.types.verdicts import MapWarning, Verdict
+from savmap.types.written import (
+    LARGEST,
+    QUATERNION,
+    Covariance,
+    Degrees,
+    Metres,
+    Outline,
+    Point,
+    SomeDeviations,
+    SomeMetres,
+    SomeNumbers,
+    WorldMetres,
+    rounded,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -25,6 +41,11 @@ ENDS = ("ends", "edges")
 seen"."""
 OFF_SIGMAS = 3.0
 """What differs by more standard deviations than these is contradicted."""
+Deviations = Annotated[float, Field(ge=0, le=LARGEST), PlainSerializer(lambda value: min(rounded(value), LARGEST))]
+LatLon = Annotated[
+    tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]],
+    PlainSerializer(lambda angles: rounded(angles, QUATERNION)),
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +58,12 @@ class Solid:
     IfcBeam.
     """
 
-    outline: Floats
-    depth: Floats
+    outline: Annotated[Outline, Field(alias="outline_m")]
+    depth: Annotated[Point, Field(alias="depth_m")]
     assumed: bool
-    ifc_class: str = "IfcBuildingElementProxy"
+    ifc_class: Annotated[
+        str, Field(pattern="^Ifc[A-Za-z0-9]+$", max_length=80, description="its class in building models")
+    ] = "IfcBuildingElementProxy"
 
     def __post_init__(self) -> None:
         require(self.outline.shape == (len(self.outline), 3) and len(self.outline) >= 3, self, "outline (n, 3), n >= 3")
@@ -261,10 +284,10 @@ class Placement:
     `heading_deg` about y, counter-clockwise as seen from above. `covariance` (3, 3) of x m, z m and heading in
     degrees."""
 
-    x_m: float
-    z_m: float
-    heading_deg: float
-    covariance: Floats
+    x_m: Metres
+    z_m: Metres
+    heading_deg: Degrees
+    covariance: Annotated[Covariance, Field(description="xx, xz, xh, zz, zh, hh of x m, z m, heading degrees")]
 
     def __post_init__(self) -> None:
         require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")
@@ -305,14 +328,14 @@ class Placement:
 class AlignmentResidual:
     """How far a place of the map is from where the user knows it, after the alignment: `residual_m` (3,) is the given
     place less the map's, in the world's axes, `sigma_m` (3,) its standard deviation; of a line, across it. Both are NaN
-    along axes that were not given. `deviation` is the residual in standard deviations. `used`: whether the alignment
-    rests on it, too."""
+    (in a file: null) along axes that were not given. `deviation` is the residual in standard deviations. `used`:
+    whether the alignment rests on it, too."""
 
     row: str
     at: str
-    residual_m: Floats
-    sigma_m: Floats
-    deviation: float
+    residual_m: SomeNumbers
+    sigma_m: SomeDeviations
+    deviation: Deviations
     used: bool = True
 
     def __post_init__(self) -> None:
@@ -328,14 +351,14 @@ class Alignment:
     its y axis north. `residuals`: of the places that it was solved from. `scale`: how much longer the user's distances
     between them are than the map's, which stays as it is (None: they do not tell)."""
 
-    x_m: float
-    y_m: float
-    heading_deg: float
-    covariance: Floats
-    z_m: float = 0.0
-    anchor: tuple[float, float] | None = None
-    residuals: tuple[AlignmentResidual, ...] = ()
-    scale: Measured | None = None
+    x_m: WorldMetres
+    y_m: WorldMetres
+    heading_deg: Degrees
+    covariance: Annotated[Covariance, Field(description="xx, xy, xh, yy, yh, hh of x m, y m, heading degrees")]
+    z_m: Metres = 0.0
+    anchor: Annotated[LatLon | None, Field(alias="anchor_lat_lon_deg")] = None
+    residuals: Annotated[tuple[AlignmentResidual, ...], Field(exclude_if=not_)] = ()
+    scale: Annotated[Measured | None, Field(exclude_if=not_)] = None
 
     def __post_init__(self) -> None:
         require(self.covariance.shape == (3, 3), self, "covariance must be (3, 3)")
@@ -366,15 +389,15 @@ class CrossRowMatch:
     """A structure, or a stretch of frames, that two rows have in common, by its id in either row.
 
     `residual_m` (3,) is b's place less a's in the site's frame, once the rows are placed; `sigma_m` (3,) is its
-    standard deviation. Both are NaN along axes that the match does not measure.
+    standard deviation. Both are NaN (in a file: null) along axes that the match does not measure.
     """
 
     row_a: str
     row_b: str
     id_a: str
     id_b: str
-    residual_m: Floats
-    sigma_m: Floats
+    residual_m: SomeMetres
+    sigma_m: SomeDeviations
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,7 +57,7 @@ def savmap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     ("arguments", "code", "words"),
     [
         (["map"], 3, "site.yaml: no such site file"),
-        (["map", EXAMPLE / "survey.json"], 3, "is a survey, not a site file; a site file names it as `survey:`"),
+        (["map", EXAMPLE / "survey.json"], 3, "is a survey, not a site file"),
         (["map", "text.mp4"], 3, "is neither a site file (YAML, see docs/site-file.md) nor a video"),
         (["map", "noise.dat"], 4, "not a video file of a kind that is read"),
         (["check", "noise.dat"], 3, "is neither a site file (YAML, see docs/site-file.md) nor a video"),
@@ -67,7 +67,7 @@ def savmap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
         (["map", "none.mp4"], 4, "no such file"),
         (["map", "noise.dat", "--plugins", "shelfs"], 5, "did you mean `shelves`"),
         (["map", "noise.dat", "--camera-height", "3050"], 3, "metres are expected"),
-        (["map", "noise.dat", "--camera-height", "305"], 3, "305 cm are 3.05"),
+        (["map", "noise.dat", "--camera-height", "305"], 3, "metres are expected, between 0.1 and 50"),
         (["map", "noise.dat", "--side", "up"], 3, "`left` or `right`"),
         (["map", EXAMPLE / "aisle-dev.mp4"], 8, "scale is not known; give the camera's height"),
         (["map", "survey.yaml"], 9, "none.json: cannot be read"),

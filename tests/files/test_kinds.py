@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from savmap.files.kinds import HEAD, kind_of, kind_of_file, kind_of_text
+from savmap.files.kinds import HEAD, kind_of, kind_of_file
 
 
 @pytest.mark.parametrize(
@@ -25,11 +25,13 @@ from savmap.files.kinds import HEAD, kind_of, kind_of_file, kind_of_text
 def test_a_format_is_known_by_content_and_by_text(content: object, kind: str, tmp_path: Path) -> None:
     path = tmp_path / "any.json"
     path.write_text(json.dumps(content, indent=1))
-    assert (kind_of(content), kind_of_text(path.read_text()), kind_of_file(path)) == (kind, kind, kind)
+    assert (kind_of(content), kind_of_file(path)) == (kind, kind)
 
 
-def test_prose_about_formats_is_not_one() -> None:
-    assert kind_of_text('# Formats\n\n    {"format": "savmap-map"}\n') == ""
+def test_prose_about_formats_is_not_one(tmp_path: Path) -> None:
+    path = tmp_path / "formats.md"
+    path.write_text('# Formats\n\n    {"format": "savmap-map"}\n')
+    assert kind_of_file(path) == ""
 
 
 def test_large_files_are_known_by_their_beginning(tmp_path: Path) -> None:

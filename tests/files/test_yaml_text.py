@@ -28,7 +28,7 @@ MERGES = "x0: &x0 {a: 1}\n" + "".join(f"x{n + 1}: &x{n + 1} {{<<: [*x{n}, *x{n}]
         ("a: 1\nb: !cat x", "values of the kind !cat are not read", 2),
         ("rows:\n  ? [a, b]\n  : {}", "a key must be a text", 2),
         ("a:\n  <<: 1", "a section is expected behind <<", 2),
-        ("rows:\n\tA: 1\n", "if it is a tab, put spaces in its place", 2),
+        ("rows:\n\tA: 1\n", "cannot start any token", 2),
         ("a: *b", "undefined alias", 1),
         ("a: 1\n---\nb: 1", "another document", 2),
         ("a: \x00", "not allowed", None),

@@ -91,7 +91,7 @@ def test_the_command_line_counts_more_than_the_environment(tmp_path: Path) -> No
             {},
             "--set fps: `fps`: a number is expected (it is '[1'",
         ),
-        (["rows.1." * 2000 + "fps=5"], {}, "--set " + ("rows.1." * 9)[:54] + "...: the key has more than 500 letters"),
+        (["rows.1." * 2000 + "fps=5"], {}, "--set " + ("rows.1." * 9)[:60] + ": give a key"),
         ([], {"SAVMAP__": "4"}, "SAVMAP__: put two underscores"),
         (["fps=0"], {"SAVMAP__FPS": "400"}, "--set fps: `fps`: input should be greater than 0"),
         (

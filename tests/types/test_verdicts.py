@@ -24,7 +24,7 @@ def codes_of_the_product() -> Iterator[tuple[str, str | None]]:
 
 def test_there_are_twelve_codes_and_each_is_used() -> None:
     found = dict(codes_of_the_product())
-    assert [place.split(":")[0] for place, code in found.items() if code is None] == ["savmap/maps/map_file.py"]
+    assert [place.split(":")[0] for place, code in found.items() if code is None] == ["savmap/maps/schema.py"]
     assert {*found.values()} - {None} == {*WARNINGS} == {*get_args(WarningCode)}
     assert len(WARNINGS) <= 12
 

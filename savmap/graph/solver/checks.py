@@ -12,19 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from savmap.errors import SolveError
-from savmap.graph.calibration import (
-    LENS_DISTANCES,
-    VERTICAL,
-    Calibration,
-    LensDistance,
-    VerticalScale,
-    largest_displacement,
-    total_baseline,
-)
+from savmap.graph.calibration import LENS_DISTANCES, VERTICAL, Calibration, largest_displacement, total_baseline
 from savmap.graph.problem import Problem
 from savmap.graph.solver.optimise import Iterate, SolveOptions, estimated_biases, refined, stepped
 from savmap.graph.solver.solution import LensDistanceError, Solution, VerticalScaleError
 from savmap.types import Floats
+from savmap.types.calibration import LensDistance, VerticalScale
 
 LIKELY = 3.0
 """Standard deviations from 0 from which on a step's figure is not good enough to be told."""

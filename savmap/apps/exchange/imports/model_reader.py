@@ -29,8 +29,8 @@ from savmap.apps.exchange.imports.records import (
 from savmap.errors import OutputError, format_error
 from savmap.files.atomic import write_bytes
 from savmap.files.serialization import packed, unpacked
-from savmap.maps.schema import FARTHEST_WORLD_M
 from savmap.types import Floats, Ints, array_record
+from savmap.types.written import FARTHEST_WORLD_M
 
 MOST_ELEMENTS = 200_000
 """That have a label."""

@@ -17,8 +17,8 @@ import numpy as np
 from savmap.apps.exchange.imports.records import FileElements, ImportOptions, SurveyElement, listed
 from savmap.errors import OutputError, SiteError
 from savmap.maps.exports.frames import Z_UP, transformed, world_from_row
-from savmap.maps.schema import FARTHEST_M
 from savmap.types import Alignment, Floats, RowMap, SiteMap, Structure, Survey, SurveyEntry
+from savmap.types.written import FARTHEST_M
 
 DRAWINGS = (".dxf",)
 MODELS = (".ifc",)
