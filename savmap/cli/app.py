@@ -12,11 +12,10 @@ from savmap.cli.endings import plain_endings
 
 
 class _Commands(Mapping[str, Any]):
-    """Commands by name, each imported when it is asked for. A name that is none of savmap's is looked for among those
-    that installed plugins add."""
+    """Commands by name, each imported when it is asked for."""
 
     def __getitem__(self, name: str) -> Any:
-        return _command(name) if name in COMMANDS else _plugins_commands()[name]
+        return _command(name)
 
     def __iter__(self) -> Iterator[str]:
         return iter(COMMANDS)
@@ -46,15 +45,6 @@ def _command(name: str) -> Any:
         single.command(name)(target)
         target = single
     return typer.main.get_command(target)
-
-
-def _plugins_commands() -> Mapping[str, Any]:
-    from savmap.plugin.manager import register_commands
-
-    added = _new_app()
-    register_commands(added)
-    commands: Mapping[str, Any] = typer.main.get_group(added).commands
-    return commands
 
 
 app = _new_app(name="savmap", cls=_Group, no_args_is_help=True)

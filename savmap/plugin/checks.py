@@ -1,11 +1,10 @@
-"""What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it
-finds."""
+"""What the engine checks of a hook's answer, beside its type and what its records refuse themselves when they are made
+(`savmap.types`). Each check raises ValueError with the first fault it finds."""
 
 import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,7 +32,7 @@ from savmap.types import (
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints
-    from savmap.types import Drawing, Score, SurveyEntry
+    from savmap.types import Score, SurveyEntry
 
 
 MOST_CELLS = 20_000_000
@@ -51,29 +50,20 @@ def require(condition: bool, fault: str) -> None:
 
 
 def check_view_plan(plan: ViewPlan) -> None:
-    """Views of different names at finite angles, a rotation, a known direction of travel."""
+    """Views of different names."""
     _require_distinct((spec.name for spec in plan.views), "views with the name")
-    for spec in plan.views:
-        angles = (spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg)
-        require(_finite(angles), f"view `{spec.name}`: an angle is not finite")
-    require(plan.travel in (-1, 0, 1), f"travel is {plan.travel}, not -1, 0 or 1")
-    if plan.world_from_rig is not None:
-        turn = np.asarray(plan.world_from_rig)
-        proper = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
-        require(proper, "world_from_rig is not a rotation (3, 3)")
 
 
 def check_detections(detections: Sequence[Detection], view: View) -> None:
-    """Masks of the view's size, finite scores."""
+    """Masks of the view's size."""
     size = (view.spec.height, view.spec.width)
     for number, detection in enumerate(detections):
         where = f"detection {number} (`{detection.label}`)"
         require(detection.mask.shape == size, f"{where}: its mask is {detection.mask.shape}, its view {size}")
-        require(_finite(detection.score), f"{where}: its score is not finite")
 
 
 def check_features(features: Sequence[Feature], view: View) -> None:
-    """Features of the view's name and frame. (A Feature itself refuses numbers that are not finite.)"""
+    """Features of the view's name and frame."""
     check_measured(features, view.spec, view.frame)
 
 
@@ -101,58 +91,37 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
 
 
 def check_patches(patches: Sequence[PlanePatch]) -> None:
-    """Patches of different names, finite, of a size that memory holds, with sides that are unit vectors at right
-    angles."""
+    """Patches of different names, of a size that memory holds."""
     _require_distinct((patch.name for patch in patches), "planes with the name")
     for patch in patches:
-        where = f"plane `{patch.name}`"
-        require(_finite([*patch.origin, *patch.right, *patch.up, *patch.size]), f"{where}: a number is not finite")
-        sides = np.array([patch.right, patch.up])
-        require(np.allclose(sides @ sides.T, np.eye(2), atol=1e-6), f"{where}: right and up are not orthonormal")
-        require(patch.shape[0] * patch.shape[1] <= MOST_CELLS, f"{where}: more than {MOST_CELLS} cells")
+        cells = patch.shape[0] * patch.shape[1]
+        require(cells <= MOST_CELLS, f"plane `{patch.name}`: more than {MOST_CELLS} cells")
 
 
 def check_found(objects: Sequence[FoundObject], classes: Sequence[str]) -> None:
-    """Objects of different ids, with outlines of three corners or more, finite, of the plugin's classes."""
+    """Objects of different ids, with outlines of three corners or more, of the plugin's classes."""
     _require_distinct((item.id for item in objects), "found objects with the id")
     for item in objects:
         where = f"found object `{item.id}`"
         require(item.label in classes, f"{where}: the plugin has no class `{item.label}`")
         require(len(item.outline) >= 3, f"{where}: an outline has three corners or more")
-        require(_finite(item.outline), f"{where}: a corner is not finite")
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
-    """Parts of the plugin's own landmarks, parallel and across their axis, finite, and no two answers for one
-    coordinate."""
+    """Parts of the plugin's own landmarks, and no two answers for one coordinate."""
     _require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
     for flat in flats:
-        where = f"flat parts at `{flat.landmark}`"
-        require(flat.landmark in points, f"{where}: the plugin has no such landmark")
-        require(_finite((flat.proud_m, flat.proud_sigma_m)), f"{where}: how far they stand out is not finite")
-        require(flat.proud_sigma_m > 0, f"{where}: proud_sigma_m is {flat.proud_sigma_m}, not positive")
+        require(flat.landmark in points, f"flat parts at `{flat.landmark}`: the plugin has no such landmark")
         check_patches(flat.parts)
-        for part in flat.parts:
-            same = np.allclose([part.right, part.up], [flat.parts[0].right, flat.parts[0].up], atol=1e-6)
-            across = abs(np.cross(part.right, part.up)[flat.column]) > 1 - 1e-6
-            require(same and bool(across), f"{where}: `{part.name}` is not parallel to the others, across {flat.axis}")
 
 
 def check_constraints(constraints: "Constraints", name: str, start: Trajectory) -> None:
-    """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that
-    GTSAM can use. Raises PluginFailedError for a factor or relation that it cannot."""
+    """Finite pixels with proper covariances, and what `require_valid_constraints` asks for, which raises
+    PluginFailedError."""
     from savmap.graph import require_valid_constraints  # keeps `savmap --help` fast
 
-    require(constraints.plugin == name, f"constraints of `{constraints.plugin}`")
-    for landmark, position in constraints.initial.items():
-        fit = np.shape(position) == (3,) and _finite(position)
-        require(fit, f"initial position of `{landmark}`: it is not three finite numbers")
     require(_finite(constraints.measurements.pixels), "a measured pixel is not finite")
     _require_covariances(constraints.measurements.covariances, "measured pixels")
-    for relation in chain(constraints.relations, *constraints.alternatives.values()):
-        where = f"relation `{relation.name}`" if relation.name else f"a relation along {relation.axis or 'no axis'}"
-        require(_finite((relation.value, relation.sigma)), f"{where}: its value or sigma is not finite")
-        require(relation.sigma > 0, f"{where}: its sigma is {relation.sigma}, not positive")
     require_valid_constraints(name, constraints, start)
 
 
@@ -191,26 +160,19 @@ def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structur
 
 
 def check_inspection(inspection: RowInspection, structures: Sequence[Structure]) -> None:
-    """Tables of different names, and parts to be shown of structures that were given, finite and of a size."""
+    """Tables of different names, and parts to be shown of structures that were given."""
     ids = {structure.id for structure in structures}
     _require_distinct((table.name for table in inspection.tables), "tables with the name")
-    for table in inspection.tables:
-        require(bool(re.fullmatch("[a-z0-9-]+", table.name)), f"table `{table.name}`: a name is small letters and -")
     for part in inspection.close_ups:
-        where = f"part `{part.title}`"
-        require(part.subject in ids, f"{where}: no structure has the id `{part.subject}`")
-        require(_finite(part.corners), f"{where}: a corner is not finite")
-        require(bool((np.ptp(part.corners[:, :2], axis=0) > 0).all()), f"{where}: it has no width or no height")
+        require(part.subject in ids, f"part `{part.title}`: no structure has the id `{part.subject}`")
 
 
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:
-    """Landmarks of structures that were given, with finite positions."""
+    """Landmarks of structures that were given."""
     ids = {structure.id for structure in structures}
     _require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
     for landmark in landmarks:
         require(landmark.id in ids, f"landmark `{landmark.id}`: no structure has that id")
-        require(_finite(landmark.place), f"landmark `{landmark.id}`: its position is not finite")
-        require(_finite(landmark.covariance), f"landmark `{landmark.id}`: its covariance is not finite")
 
 
 def check_score(score: "Score") -> None:
@@ -232,12 +194,6 @@ def check_survey_entry(entry: "SurveyEntry", structures: Sequence[Structure]) ->
     require(not unknown, f"`{''.join(unknown[:1])}` is left out, which was not given")
     require(all(isinstance(key, str) for key in entry.values), "a key of a survey is no text")
     json.dumps(dict(entry.values), allow_nan=False)
-
-
-def check_drawings(drawings: "Sequence[Drawing]") -> None:
-    """Points that can be drawn."""
-    for drawing in drawings:
-        require(_finite(drawing.points), f"a point of `{drawing.name or drawing.legend}` is not finite")
 
 
 def check_exporters(formats: Mapping[str, object]) -> None:

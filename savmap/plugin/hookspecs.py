@@ -1,7 +1,7 @@
 """The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
 
-`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last two is asked of one plugin at a
-time. A plugin must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
+`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last is asked of one plugin at a time.
+A plugin must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,8 +39,6 @@ from savmap.types import (
 )
 
 if TYPE_CHECKING:
-    import typer
-
     from savmap.graph import Constraints, KeySpace, Landmark, Solution
     from savmap.types import Drawing, Score, SurveyEntry
     from savmap.vision.networks.segmenter import Segmenter
@@ -230,8 +228,3 @@ def exporters() -> Mapping[str, Exporter]:
     """Further map formats for `savmap export`: name to a function that writes a map to a path. Every plugin is asked.
 
     The path is a temporary one; what was written is put in its place when the function returns."""
-
-
-@hookspec
-def register_commands(app: "typer.Typer") -> None:
-    """Add commands to `savmap`. Every plugin is asked."""

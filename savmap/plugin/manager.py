@@ -6,17 +6,16 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
+from inspect import signature
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import pluggy
 from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
 from savmap.files.validation import validated
 from savmap.plugin import checks, hookspecs
-from savmap.plugin.calls import Hook, HookCaller
+from savmap.plugin.calls import Hook, HookCaller, manager
 from savmap.plugin.inspection import InspectionLimits
 from savmap.plugin.protocol import class_faults, implements
 from savmap.types import (
@@ -162,7 +161,7 @@ class LoadedPlugin(HookCaller):
     cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks, _nothing)
     evaluate = Hook(hookspecs.evaluate, Score, checks.check_score, lambda _: Score())
     survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry, _no_survey)
-    draw = Hook(hookspecs.draw, tuple[Drawing, ...], checks.check_drawings, lambda _: ())
+    draw = Hook(hookspecs.draw, tuple[Drawing, ...], default=lambda _: ())
     exporters = Hook(hookspecs.exporters, Mapping, checks.check_exporters)
     _detect = Hook(hookspecs.detect, list[Detection], checks.check_detections, _regions)
     _describe = Hook(hookspecs.describe, list[Structure], checks.check_structures)
@@ -262,23 +261,24 @@ def loaded_plugin(
 ) -> LoadedPlugin:
     """A plugin of a class and validated settings, at work. Raises PluginError for a class that is incomplete."""
     require_complete(name, plugin_class)
-    instance, manager = set_up(name, lambda: plugin_class(settings), hookspecs)
-    return LoadedPlugin(name, instance, manager, settings, providers)
+    return LoadedPlugin(name, set_up(name, lambda: plugin_class(settings)), settings, providers)
 
 
-def set_up(name: str, make: Callable[[], Any], specifications: ModuleType) -> tuple[Any, pluggy.PluginManager]:
-    """What `make` gives, and a manager that asks it and no other. Raises PluginError."""
+def set_up(name: str, make: Callable[[], Any]) -> Any:
+    """What `make` gives: an object whose hooks take no argument that they are not given. Raises PluginError."""
     try:
         instance = make()
-        manager = pluggy.PluginManager("savmap")
-        manager.add_hookspecs(specifications)
-        manager.register(instance, name=name)
-        manager.check_pending()
     except SavmapError:
         raise
     except (Exception, SystemExit) as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {format_error(error)}") from error
-    return instance, manager
+    for hook in (each for each in dir(type(instance)) if implements(type(instance), each)):
+        given = getattr(manager.hook, hook).spec.argnames
+        for argument in signature(getattr(instance, hook)).parameters.values():
+            if argument.kind == argument.POSITIONAL_OR_KEYWORD and argument.name not in given:
+                what = f"`{hook}` takes `{argument.name}`, but is given {', '.join(given) or 'nothing'}"
+                raise PluginError(f"plugin `{name}` cannot be set up: {what}")
+    return instance
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:
@@ -293,20 +293,3 @@ def exporters() -> dict[str, hookspecs.Exporter]:
         if implements(plugin_class, "exporters"):
             formats.update(open_plugin(name, {}).exporters())
     return formats
-
-
-def register_commands(app: Any) -> None:
-    """Let every installed plugin whose class has `register_commands` add to the command line; one that cannot be used
-    is named in a warning. Raises PluginFailedError."""
-    plugins = load_installed()
-    for reason in plugins.broken.values():
-        notices.warning("%s", reason)
-    for name, plugin_class in plugins.classes.items():
-        add = getattr(plugin_class, "register_commands", None)
-        if add is None:
-            continue
-        try:
-            add(app)
-        except (Exception, SystemExit) as error:
-            what = f"failed in `register_commands`: {format_error(error)}"
-            raise PluginFailedError(name, "register_commands", what) from error

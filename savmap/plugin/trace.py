@@ -40,12 +40,6 @@ def call(hook: str, arguments: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         log.info("trace: %s", line)
 
 
-def log_lines(lines: Sequence[str]) -> None:
-    """Write lines into this process's log that another process had no log for."""
-    for line in lines:
-        log.info("%s", line)
-
-
 class _Kept(logging.Handler):
     def __init__(self, lines: list[str]) -> None:
         super().__init__(logging.INFO)

@@ -140,6 +140,8 @@ class CrossRowLandmark:
 
     def __post_init__(self) -> None:
         require(self.place.shape == (3,) and self.covariance.shape == (3, 3), self, "place (3,), covariance (3, 3)")
+        finite = np.isfinite(self.place).all() and np.isfinite(self.covariance).all()
+        require(bool(finite), self, f"a number of `{self.id}` is not finite")
         require(bool(self.axes), self, "at least one axis is needed")
 
 
