@@ -21,7 +21,6 @@ from savmap.types import (
     PlanePatch,
     RowFacts,
     RowInspection,
-    Solid,
     Structure,
     Track,
     Trajectory,
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
 MOST_CELLS = 20_000_000
 FARTHEST_M = 1e5
 """No vertex is further from its row's origin: a site file's places are bounded alike."""
-IFC_CLASS = "Ifc[A-Za-z0-9]{1,77}"
 ROUNDING = 1e-6
 """Of a covariance's largest variance: what solving and rounding to six digits leave."""
 
@@ -134,11 +132,23 @@ def check_structures(structures: Sequence[Structure]) -> None:
         texts = (structure.id, structure.label, *structure.vertex_labels)
         require(all(isinstance(text, str) for text in texts), f"{where}: its id and labels are not all texts")
         _require_positions(structure, where)
-        _require_edges(structure, where)
+        edges = np.asarray(structure.edges)
+        require(edges.dtype.kind in "iu" or not edges.size, f"{where}: edges are not whole numbers (m, 2)")
+        require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
+        inside = (edges >= 0) & (edges < len(structure.vertices))
+        require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
         if structure.solid is not None:
-            _require_solid(structure.solid, where)
+            far = max(np.abs(structure.solid.outline).max(), np.abs(structure.solid.depth).max())
+            require(far <= FARTHEST_M, f"{where}: a corner of its solid is more than {FARTHEST_M:g} m away")
+            kind = structure.solid.ifc_class
+            named = re.fullmatch("Ifc[A-Za-z0-9]{1,77}", kind)
+            require(named is not None, f"{where}: {kind!r} is no class of IFC, such as IfcBeam")
         for name, value in structure.attributes.items():
-            _require_attribute(name, value, where)
+            require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
+            number = isinstance(value, int | float | np.integer | np.floating)
+            said = number or isinstance(value, str | Measured)
+            require(said, f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text")
+            require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")
 
 
 def check_related(related: Sequence[Structure], structures: Sequence[Structure]) -> None:
@@ -153,10 +163,8 @@ def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structur
     """Every warning is about structures that there are, or about all that the plugin of this name maps."""
     ids = {name, *(structure.id for structure in structures)}
     for warning in warnings:
-        require(
-            ids.issuperset(warning.subjects),
-            f"a warning about {sorted(set(warning.subjects) - ids)}, which is not among the structures",
-        )
+        others = sorted(set(warning.subjects) - ids)
+        require(not others, f"a warning about {others}, which is not among the structures")
 
 
 def check_inspection(inspection: RowInspection, structures: Sequence[Structure]) -> None:
@@ -177,12 +185,8 @@ def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[
 
 def check_score(score: "Score") -> None:
     """Errors that can be averaged. A deviation may be infinite: the structure is spurious."""
-    named = {
-        **score.errors,
-        **score.coordinates,
-        **{name: matches.distances_m for name, matches in score.distances.items()},
-    }
-    for name, errors in named.items():
+    distances = {name: matches.distances_m for name, matches in score.distances.items()}
+    for name, errors in {**score.errors, **score.coordinates, **distances}.items():
         require(_finite(errors), f"an error of `{name}` is not finite")
     for name, deviation in score.deviations.items():
         require(not np.isnan(deviation), f"the deviation of `{name}` is not a number")
@@ -222,9 +226,8 @@ def _require_positions(structure: Structure, where: str) -> None:
     """Vertices within the map's bounds, and covariances that are ones, but for rounding."""
     require(len(structure.vertices) > 0, f"{where}: it has no vertex")
     require(_finite(structure.vertices), f"{where}: a vertex is not finite")
-    require(
-        bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away"
-    )
+    near = np.abs(structure.vertices) <= FARTHEST_M
+    require(bool(near.all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away")
     covariances = structure.covariances
     require(_finite(covariances), f"{where}: a covariance is not finite")
     variances = np.diagonal(covariances, axis1=1, axis2=2)
@@ -235,34 +238,3 @@ def _require_positions(structure: Structure, where: str) -> None:
     require(bool((skew <= allowed).all()), f"{where}: a covariance is not symmetric")
     least = np.linalg.eigvalsh(covariances).min(axis=1, initial=0.0)
     require(bool((least >= -allowed).all()), f"{where}: a covariance has a negative eigenvalue")
-
-
-def _require_edges(structure: Structure, where: str) -> None:
-    edges = np.asarray(structure.edges)
-    require(edges.dtype.kind in "iu" or not edges.size, f"{where}: edges are not whole numbers (m, 2)")
-    require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
-    inside = (edges >= 0) & (edges < len(structure.vertices))
-    require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
-
-
-def _require_solid(solid: Solid, where: str) -> None:
-    for what, numbers in (("outline", solid.outline), ("depth", solid.depth)):
-        require(_finite(numbers), f"{where}: the {what} of its solid is not finite")
-        require(
-            bool((np.abs(numbers) <= FARTHEST_M).all()),
-            f"{where}: the {what} of its solid is more than {FARTHEST_M:g} m",
-        )
-    require(
-        bool(re.fullmatch(IFC_CLASS, solid.ifc_class)),
-        f"{where}: {solid.ifc_class!r} is no class of IFC, such as IfcBeam",
-    )
-
-
-def _require_attribute(name: object, value: object, where: str) -> None:
-    require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
-    number = isinstance(value, int | float | np.integer | np.floating)
-    require(
-        number or isinstance(value, str | Measured),
-        f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
-    )
-    require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")

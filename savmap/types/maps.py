@@ -46,6 +46,8 @@ class Solid:
     def __post_init__(self) -> None:
         require(self.outline.shape == (len(self.outline), 3) and len(self.outline) >= 3, self, "outline (n, 3), n >= 3")
         require(self.depth.shape == (3,) and bool(np.linalg.norm(self.depth) > 0), self, "depth (3,), not zero")
+        finite = np.isfinite(self.outline).all() and np.isfinite(self.depth).all()
+        require(bool(finite), self, "a number of its outline or depth is not finite")
 
 
 @dataclass(frozen=True, eq=False)
