@@ -1,6 +1,6 @@
 """From points seen in single frames to tracks of objects: rays put on a level plane, and grouped there."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,6 +15,9 @@ from savmap.vision import peaks
 Mask = NDArray[np.bool_]
 WITHIN = 0.7  # cosine of 45 degrees
 BELOW = (-8.0, -0.3)  # where the floor is looked for, of a path that may be off by any scale
+COARSE_STEP, FINE_STEP, FINE_REACH = 1.01, 1.002, 10  # of the levels that are tried, from height to height
+COARSE, FINE = 0.012, 0.006  # of the height: how near sightings of one object fall there
+NEIGHBOURS = 8
 TOO_FLAT = 0.1  # rays nearly along the face say little of a place on it
 
 
@@ -66,31 +69,44 @@ def sightings(
     return Sightings(kept, frames, poses[:, :3, 3], slopes).where(steep)
 
 
-def gathering_level(seen: Sightings, above_m: tuple[float, float]) -> float:
+def gathering_level(
+    seen: Sightings,
+    above_m: tuple[float, float],
+    kinds: Ints | None = None,
+    allowed: Callable[[float], Mask] | None = None,
+) -> float:
     """The level y, m, at which sightings of different frames fall on one another best, searched between two heights
-    above the camera (negative: below it), coarsely, then finely: of objects at one height that is not known. Paper,
-    section III.D."""
-    base = float(seen.origins[:, 1].mean())
-    above = np.arange(*above_m, 0.05)
-    best = above[np.argmax([_gathering(seen, base + height, 0.03 * height) for height in above])]
-    fine = best + np.arange(-0.1, 0.1001, 0.005)
-    return base + float(fine[np.argmax([_gathering(seen, base + height, 0.015 * height) for height in fine])])
+    above the camera (both negative: below it), coarsely, then finely: of objects at one height that is not known.
+    Paper, section III.D.
 
-
-def _gathering(seen: Sightings, level_m: float, width_m: float) -> float:
-    """How many pairs of sightings, neighbours in x at a level, lie nearer than `width_m` along both axes, softly, each
-    counted by how sure the network was.
-
-    The width must grow with the height that is tried: otherwise the lowest, where all rays are close, always wins.
+    kinds (n,): only sightings of one kind may be of one object. allowed: which of them (n,) may be objects at a level.
+    The tolerance grows with the height that is tried: else the nearest level, where all rays are close, would always
+    have the best score.
     """
-    points, certainty = seen.at(level_m), seen.certainty
-    order = np.argsort(points[:, 0], kind="stable")
-    points, certainty = points[order], certainty[order]
-    total = 0.0
-    for step in (1, 2, 4, 8):
-        near = np.exp(-0.5 * ((points[step:] - points[:-step]) / width_m) ** 2).prod(axis=1)
-        total += float((near * certainty[step:] * certainty[:-step]).sum())
-    return total
+    base = float(seen.origins[:, 1].mean())
+    nearest, furthest = sorted(above_m, key=abs)
+    kinds = np.zeros(len(seen.frames), np.int64) if kinds is None else kinds
+
+    def gathering(above: float, width: float) -> float:
+        """Gaussian weights of the distances between sightings of one kind in different frames, summed over neighbours
+        in x. The sigma is `width` times the height, and twice that along z."""
+        places, total = seen.at(base + above), 0.0
+        near = np.ones(len(places), np.bool_) if allowed is None else allowed(base + above)
+        for kind in np.unique(kinds):
+            chosen = np.flatnonzero(near & (kinds == kind))
+            chosen = chosen[np.argsort(places[chosen, 0], kind="stable")]
+            points, frames, certainty = places[chosen] / (width * above), seen.frames[chosen], seen.certainty[chosen]
+            for step in range(1, min(NEIGHBOURS, len(points) - 1) + 1):
+                distances = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
+                counts = np.exp(-0.5 * distances) * (frames[step:] != frames[:-step])
+                total += float((counts * certainty[step:] * certainty[:-step]).sum())
+        return total
+
+    steps = int(np.log(furthest / nearest) / np.log(COARSE_STEP))
+    above = nearest * COARSE_STEP ** np.arange(steps)
+    best = above[np.argmax([gathering(height, COARSE) for height in above])]
+    fine = best * FINE_STEP ** np.arange(-FINE_REACH, FINE_REACH + 1.0)
+    return base + float(fine[np.argmax([gathering(height, FINE) for height in fine])])
 
 
 def frames_showing(
