@@ -1,6 +1,6 @@
 """From points seen in single frames to tracks of objects: rays put on a level plane, and grouped there."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -184,9 +184,12 @@ def tracks_along_face(
     within `same` are one object. Each pass is aligned with the first one by its first object, so all must see that.
     Raises StructureError where none is seen in `least_frames` frames.
     """
-    placed = [(feature, _bearing(feature, facts, attitudes)) for feature in features if feature.part == anchor]
-    anchors = [feature for feature, bearing in placed if bearing is not None]
-    bearings = np.array([bearing for _, bearing in placed if bearing is not None])
+    of_part = [feature for feature in features if feature.part == anchor]
+    towards = [attitudes[each.frame] @ facts.views[each.view].rig_rays(each.pixels[0]) for each in of_part]
+    rays = np.array(towards).reshape(-1, 3)
+    ahead = rays[:, 2] < -TOO_FLAT
+    anchors = [feature for feature, is_ahead in zip(of_part, ahead, strict=True) if is_ahead]
+    bearings = rays[ahead, 0] / -rays[ahead, 2]  # along the face, in units of the camera's distance
     frames, x = np.array([feature.frame for feature in anchors], np.int64), np.full(len(anchors), np.inf)
     for name in dict.fromkeys(facts.frames.passes):
         numbers = facts.frames.of_pass(name)
@@ -197,13 +200,6 @@ def tracks_along_face(
         x[of_pass] = place - first if len(first) else np.inf
     placed_anchors = np.flatnonzero(np.isfinite(x))
     return _tracks(features, [anchors[k] for k in placed_anchors], x[placed_anchors], same, least_frames)
-
-
-def _bearing(feature: Feature, facts: RowFacts, attitudes: Floats) -> float | None:
-    """How far along the face a point lies from the camera, in units of the camera's distance; None for one that is not
-    before it."""
-    ray = attitudes[feature.frame] @ facts.views[feature.view].rig_rays(feature.pixels[0])
-    return float(ray[0] / -ray[2]) if ray[2] < -TOO_FLAT else None
 
 
 def _positions(bearings: Sequence[Floats], same: float) -> Floats:
@@ -232,18 +228,13 @@ def _tracks(
         seen.setdefault(_instance(feature), []).append(feature)
     tracks: list[Track] = []
     for number, place in enumerate(places, start=1):
-        near = [anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same]
-        parts = [feature for anchor in near for feature in seen[_instance(anchor)]]
-        tracks += [track_of(number, part, group) for part, group in _by_part(parts)]
+        parts: dict[str, list[Feature]] = {}
+        for anchor in (anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same):
+            for feature in seen[_instance(anchor)]:
+                parts.setdefault(feature.part, []).append(feature)
+        tracks += [track_of(number, part, group) for part, group in parts.items()]
     return tracks
 
 
 def _instance(feature: Feature) -> tuple[int, str, int]:
     return feature.frame, feature.view, feature.instance
-
-
-def _by_part(features: Iterable[Feature]) -> list[tuple[str, list[Feature]]]:
-    groups: dict[str, list[Feature]] = {}
-    for feature in features:
-        groups.setdefault(feature.part, []).append(feature)
-    return list(groups.items())
