@@ -137,7 +137,8 @@ def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
 
 @hookspec(firstresult=True)
 def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: "KeySpace") -> "Constraints":
-    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks, whose keys `keys` gives."""
+    """Constraint generation: pixels, relations, GTSAM factors of the plugin's own, and first positions of its landmarks,
+    whose keys `keys` gives."""
 
 
 @hookspec(firstresult=True)
