@@ -137,8 +137,8 @@ def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
 
 @hookspec(firstresult=True)
 def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: "KeySpace") -> "Constraints":
-    """Constraint generation: pixels, relations, GTSAM factors of the plugin's own, and first positions of its landmarks,
-    whose keys `keys` gives."""
+    """Constraint generation: first positions, pixels and relations of the plugin's landmarks, whose keys `keys` gives,
+    and GTSAM factors of its own."""
 
 
 @hookspec(firstresult=True)
