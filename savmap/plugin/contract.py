@@ -58,8 +58,9 @@ def check_plugin(plugin_class: type[Plugin], require_model: bool = True) -> None
 def _views_are_chosen(plugin: LoadedPlugin) -> Iterator[str]:
     """Views are chosen, or refused in the plugin's own words, whatever the network gives and whether the attitude is
     known."""
+    predictors: tuple[Callable[[View], list[Detection]], ...] = (lambda _: [], _predictor(plugin))
     for attitude in (None, _path().world_from_rig[0, :3, :3]):
-        for predict in (lambda _: [], _predictor(plugin)):
+        for predict in predictors:
             yield from _failures(lambda: plugin.render_views(_preview(), predict, None, {}, attitude))  # noqa: B023
 
 
