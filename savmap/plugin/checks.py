@@ -25,7 +25,6 @@ from savmap.types import (
     Track,
     Trajectory,
     View,
-    ViewPlan,
     ViewSpec,
 )
 
@@ -47,9 +46,10 @@ def require(condition: bool, fault: str) -> None:
         raise ValueError(fault)
 
 
-def check_view_plan(plan: ViewPlan) -> None:
-    """Views of different names."""
-    _require_distinct((spec.name for spec in plan.views), "views with the name")
+def require_distinct(names: Iterable[str], what: str) -> None:
+    """Raise ValueError where a name comes twice; `what` is called so, such as "views with the name"."""
+    name, times = next(iter(Counter(names).most_common(1)), ("", 0))
+    require(times <= 1, f"{times} {what} `{name}`")
 
 
 def check_detections(detections: Sequence[Detection], view: View) -> None:
@@ -60,13 +60,8 @@ def check_detections(detections: Sequence[Detection], view: View) -> None:
         require(detection.mask.shape == size, f"{where}: its mask is {detection.mask.shape}, its view {size}")
 
 
-def check_features(features: Sequence[Feature], view: View) -> None:
+def check_features(features: Sequence[Feature], spec: ViewSpec, frame: int) -> None:
     """Features of the view's name and frame."""
-    check_measured(features, view.spec, view.frame)
-
-
-def check_measured(features: Sequence[Feature], spec: ViewSpec, frame: int) -> None:
-    """The same of features of found objects."""
     for number, feature in enumerate(features):
         where = f"feature {number} (`{feature.label}`, `{feature.part}`)"
         require(feature.frame == frame, f"{where}: it is of frame {feature.frame}, its view of frame {frame}")
@@ -75,7 +70,7 @@ def check_measured(features: Sequence[Feature], spec: ViewSpec, frame: int) -> N
 
 def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
     """Tracks of different names, in frames and views of the row, with finite pixels and proper covariances."""
-    _require_distinct((track.name for track in tracks), "tracks with the name")
+    require_distinct((track.name for track in tracks), "tracks with the name")
     for track in tracks:
         where = f"track `{track.name}`"
         frames = np.asarray(track.frames)
@@ -90,7 +85,7 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
 
 def check_patches(patches: Sequence[PlanePatch]) -> None:
     """Patches of different names, of a size that memory holds."""
-    _require_distinct((patch.name for patch in patches), "planes with the name")
+    require_distinct((patch.name for patch in patches), "planes with the name")
     for patch in patches:
         cells = patch.shape[0] * patch.shape[1]
         require(cells <= MOST_CELLS, f"plane `{patch.name}`: more than {MOST_CELLS} cells")
@@ -98,7 +93,7 @@ def check_patches(patches: Sequence[PlanePatch]) -> None:
 
 def check_found(objects: Sequence[FoundObject], classes: Sequence[str]) -> None:
     """Objects of different ids, with outlines of three corners or more, of the plugin's classes."""
-    _require_distinct((item.id for item in objects), "found objects with the id")
+    require_distinct((item.id for item in objects), "found objects with the id")
     for item in objects:
         where = f"found object `{item.id}`"
         require(item.label in classes, f"{where}: the plugin has no class `{item.label}`")
@@ -107,7 +102,7 @@ def check_found(objects: Sequence[FoundObject], classes: Sequence[str]) -> None:
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
     """Parts of the plugin's own landmarks, and no two answers for one coordinate."""
-    _require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
+    require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
     for flat in flats:
         require(flat.landmark in points, f"flat parts at `{flat.landmark}`: the plugin has no such landmark")
         check_patches(flat.parts)
@@ -126,7 +121,7 @@ def check_constraints(constraints: "Constraints", name: str, start: Trajectory) 
 def check_structures(structures: Sequence[Structure]) -> None:
     """Structures of different ids and with a vertex or more, whose numbers are finite and whose attributes go into
     map.json."""
-    _require_distinct((structure.id for structure in structures), "structures with the id")
+    require_distinct((structure.id for structure in structures), "structures with the id")
     for structure in structures:
         where = f"structure `{structure.id}`"
         texts = (structure.id, structure.label, *structure.vertex_labels)
@@ -170,7 +165,7 @@ def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structur
 def check_inspection(inspection: RowInspection, structures: Sequence[Structure]) -> None:
     """Tables of different names, and parts to be shown of structures that were given."""
     ids = {structure.id for structure in structures}
-    _require_distinct((table.name for table in inspection.tables), "tables with the name")
+    require_distinct((table.name for table in inspection.tables), "tables with the name")
     for part in inspection.close_ups:
         require(part.subject in ids, f"part `{part.title}`: no structure has the id `{part.subject}`")
 
@@ -178,7 +173,7 @@ def check_inspection(inspection: RowInspection, structures: Sequence[Structure])
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:
     """Landmarks of structures that were given."""
     ids = {structure.id for structure in structures}
-    _require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
+    require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
     for landmark in landmarks:
         require(landmark.id in ids, f"landmark `{landmark.id}`: no structure has that id")
 
@@ -200,19 +195,9 @@ def check_survey_entry(entry: "SurveyEntry", structures: Sequence[Structure]) ->
     json.dumps(dict(entry.values), allow_nan=False)
 
 
-def check_exporters(formats: Mapping[str, object]) -> None:
-    """Functions by name."""
-    require(all(callable(write) for write in formats.values()), "no functions by name")
-
-
 def _finite(numbers: object) -> bool:
     given = np.asarray(numbers)
     return given.dtype.kind != "c" and bool(np.isfinite(given.astype(np.float64)).all())
-
-
-def _require_distinct(names: Iterable[str], what: str) -> None:
-    name, times = next(iter(Counter(names).most_common(1)), ("", 0))
-    require(times <= 1, f"{times} {what} `{name}`")
 
 
 def _require_covariances(covariances: Floats, where: str) -> None:

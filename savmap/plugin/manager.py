@@ -146,12 +146,20 @@ class LoadedPlugin(HookCaller):
     config: BaseModel
     providers: tuple[str, ...] = ()
 
-    render_views = Hook(hookspecs.render_views, ViewPlan, checks.check_view_plan)
-    extract_features = Hook(hookspecs.extract_features, list[Feature], checks.check_features)
+    render_views = Hook(
+        hookspecs.render_views,
+        ViewPlan,
+        lambda plan: checks.require_distinct((view.name for view in plan.views), "views with the name"),
+    )
+    extract_features = Hook(
+        hookspecs.extract_features,
+        list[Feature],
+        lambda features, view: checks.check_features(features, view.spec, view.frame),
+    )
     track = Hook(hookspecs.track, list[Track], checks.check_tracks)
     planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches, _nothing)
     find = Hook(hookspecs.find, list[FoundObject], checks.check_found, _nothing)
-    measure = Hook(hookspecs.measure, list[Feature], checks.check_measured)
+    measure = Hook(hookspecs.measure, list[Feature], checks.check_features)
     flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
     relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
     warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)
@@ -162,7 +170,11 @@ class LoadedPlugin(HookCaller):
     evaluate = Hook(hookspecs.evaluate, Score, checks.check_score, lambda _: Score())
     survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry, _no_survey)
     draw = Hook(hookspecs.draw, tuple[Drawing, ...], default=lambda _: ())
-    exporters = Hook(hookspecs.exporters, Mapping, checks.check_exporters)
+    exporters = Hook(
+        hookspecs.exporters,
+        Mapping,
+        lambda formats: checks.require(all(map(callable, formats.values())), "no functions by name"),
+    )
     _detect = Hook(hookspecs.detect, list[Detection], checks.check_detections, _regions)
     _describe = Hook(hookspecs.describe, list[Structure], checks.check_structures)
 
