@@ -12,12 +12,10 @@ from savmap.plugin.apps import Command, target_of
 
 
 class _Commands(Mapping[str, Any]):
-    """Commands by name, each imported when it is asked for. A name that is none of the core's is looked for among those
-    of apps, then among those that installed plugins add."""
+    """Commands of the core and of apps by name, each imported when it is asked for."""
 
     def __getitem__(self, name: str) -> Any:
-        command = COMMANDS.get(name) or of_apps().get(name)
-        return _plugins_commands()[name] if command is None else _command(name, command)
+        return _command(name, {**of_apps(), **COMMANDS}[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter({**COMMANDS, **of_apps()})
@@ -46,15 +44,6 @@ def _command(name: str, command: Command) -> Any:
         single.command(name)(target)
         target = single
     return typer.main.get_command(target)
-
-
-def _plugins_commands() -> Mapping[str, Any]:
-    from savmap.plugin.manager import register_commands
-
-    added = _new_app()
-    register_commands(added)
-    commands: Mapping[str, Any] = typer.main.get_group(added).commands
-    return commands
 
 
 app = _new_app(name="savmap", cls=_Group, no_args_is_help=True)

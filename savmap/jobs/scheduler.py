@@ -166,7 +166,8 @@ class _Progress:
         self.clock.end(group)
         for line in done.notes:
             self.monitor.note(line)
-        trace.log_lines(done.logged)
+        for line in done.logged:
+            trace.log.info("%s", line)
         is_other = solution_key(self.job, self._keys_of(group)) != self.solved_by[group]
         for name, records in done.rows.items():
             if is_other and self.job.against is not None:

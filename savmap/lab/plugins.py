@@ -8,11 +8,12 @@ from typing import Any
 from savmap.errors import PluginError
 from savmap.lab import hookspecs
 from savmap.lab.scenes import RandomSection, SceneParts
-from savmap.plugin.calls import Hook, HookCaller
+from savmap.plugin.calls import Hook, HookCaller, manager
 from savmap.plugin.manager import installed, load_point, set_up
 from savmap.plugin.protocol import hook_faults
 
 GROUP = "savmap.lab"
+manager.add_hookspecs(hookspecs)
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def lab_plugin(name: str) -> LabPlugin | None:
     lab_class = load_point(point)
     for fault in hook_faults(lab_class, hookspecs):
         raise PluginError(f"plugin `{name}` cannot be used in the laboratory: {fault}")
-    return LabPlugin(name, *set_up(name, lab_class, hookspecs))
+    return LabPlugin(name, set_up(name, lab_class))
 
 
 def furnishing_plugins() -> list[LabPlugin]:

@@ -4,19 +4,22 @@ import faulthandler
 import inspect
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, ParamSpec, Self, TypeVar, get_args, get_origin, overload
+from typing import Any, Generic, ParamSpec, TypeVar, get_args, get_origin
 
 import pluggy
 
 from savmap.errors import PluginFailedError, SavmapError, format_error
-from savmap.plugin import trace
+from savmap.plugin import hookspecs, trace
 from savmap.plugin.protocol import implements
 from savmap.types import View
 
 P = ParamSpec("P")
 Answer = TypeVar("Answer")
+manager = pluggy.PluginManager("savmap")
+"""Of all plugins. It knows the hooks and registers no plugin: a run has a plugin many times, with other settings."""
+manager.add_hookspecs(hookspecs)
 
 
 class _HookLimit:
@@ -63,34 +66,38 @@ class Hook(Generic[P, Answer]):
         self,
         spec: Callable[P, Answer],
         expected: Any,
-        check: Callable[..., object] | None = None,
+        check: Callable[..., object] = lambda _: None,
         default: Callable[[Mapping[str, Any]], Answer] | None = None,
     ) -> None:
         self.name, self.signature = spec.__name__, inspect.signature(spec)
-        sequence = get_origin(expected) in (list, tuple)
-        self.expected = get_origin(expected) if sequence else expected
-        self.item: type | None = get_args(expected)[0] if sequence else None
-        self.check, self.default = check, default
-        self.checked_with = list(inspect.signature(check).parameters)[1:] if check else []
+        self.expected, self.check, self.default = expected, check, default
+        self.checked_with = list(inspect.signature(check).parameters)[1:]
 
-    @overload
-    def __get__(self, caller: None, owner: type) -> Self: ...
-
-    @overload
-    def __get__(self, caller: "HookCaller", owner: type) -> Callable[P, Answer]: ...
-
-    def __get__(self, caller: "HookCaller | None", owner: type) -> Self | Callable[P, Answer]:
-        return self if caller is None else partial(self, caller)
+    def __get__(self, caller: "HookCaller", owner: type) -> Callable[P, Answer]:
+        return partial(self, caller)
 
     def __call__(self, caller: "HookCaller", *args: P.args, **kwargs: P.kwargs) -> Answer:
         """What the caller's plugin answers. Raises PluginFailedError, or the plugin's SavmapError."""
         answer: Answer = caller.ask(self, self.signature.bind(*args, **kwargs).arguments)
         return answer
 
+    def type_fault(self, answer: Any) -> str:
+        """How an answer is of another type than the hook may give; empty where it is not."""
+        sequence = get_origin(self.expected) in (list, tuple)
+        kind = get_origin(self.expected) if sequence else self.expected
+        if not isinstance(answer, kind):
+            return f"{type(answer).__name__} from `{self.name}`, not {next(iter(get_args(kind)), kind).__name__}"
+        item_kind = get_args(self.expected)[0] if sequence else object
+        for item in answer if sequence else ():
+            if not isinstance(item, item_kind):
+                given = f"a {type(answer).__name__} with a {type(item).__name__}"
+                return f"{given} from `{self.name}`, not {item_kind.__name__}"
+        return ""
+
 
 @dataclass(frozen=True)
 class HookCaller:
-    """One plugin, and the manager that asks it and no other.
+    """One plugin that is asked hooks.
 
     Each hook is a method with the arguments of its specification. All of them raise PluginFailedError, with the
     plugin's and the hook's name, where the hook raises or ends the program or its answer cannot be used. A SavmapError
@@ -99,7 +106,6 @@ class HookCaller:
 
     name: str
     instance: Any
-    manager: pluggy.PluginManager = field(repr=False)
 
     def has(self, hook: str) -> bool:
         """Whether the plugin writes a hook itself, so that no default answers."""
@@ -108,44 +114,27 @@ class HookCaller:
     def ask(self, hook: Hook[Any, Any], arguments: Mapping[str, Any]) -> Any:
         """What the plugin answers to a hook, when it is of the expected type and passes the check."""
         view = arguments.get("view")
-        where = f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else ""
+        where = f"`{hook.name}`" + (f" at frame {view.frame} of {view.spec.name}" if isinstance(view, View) else "")
         try:
             with _hook_limit, trace.call(f"{self.name}.{hook.name}", arguments) as outcome:
-                answer = getattr(self.manager.hook, hook.name)(**arguments)
+                methods = [getattr(self.instance, hook.name)] if self.has(hook.name) else []
+                answer = getattr(manager.hook, hook.name).call_extra(methods, arguments)
                 if answer is None and hook.default is not None:
                     answer = hook.default(arguments)
                 outcome["answer"] = answer
         except SavmapError:
             raise
         except (Exception, SystemExit) as error:
-            what = f"failed in `{hook.name}`{where}: {format_error(error)}"
-            raise PluginFailedError(self.name, hook.name, what) from error
-        fault = _type_fault(answer, hook)
-        if fault:
-            raise PluginFailedError(self.name, hook.name, fault)
+            raise PluginFailedError(self.name, hook.name, f"failed in {where}: {format_error(error)}") from error
+        if fault := hook.type_fault(answer):
+            raise PluginFailedError(self.name, hook.name, f"returned {fault}")
         try:
-            if hook.check is not None:
-                given = {
-                    name: arguments[name] if name in arguments else getattr(self, name) for name in hook.checked_with
-                }
-                hook.check(answer, **given)
+            named = {name: arguments[name] if name in arguments else getattr(self, name) for name in hook.checked_with}
+            hook.check(answer, **named)
         except PluginFailedError:
             raise
         except Exception as error:
             reason = str(error) if type(error) is ValueError else format_error(error)
-            what = f"returned what cannot be used from `{hook.name}`{where}: {reason}"
+            what = f"returned what cannot be used from {where}: {reason}"
             raise PluginFailedError(self.name, hook.name, what) from error
         return answer
-
-
-def _type_fault(answer: Any, hook: Hook[Any, Any]) -> str:
-    """How an answer is of another type than the hook may give; empty where it is not."""
-    if not isinstance(answer, hook.expected):
-        expected = next(iter(get_args(hook.expected)), hook.expected).__name__
-        return f"returned {type(answer).__name__} from `{hook.name}`, not {expected}"
-    if hook.item is not None:
-        for item in answer:
-            if not isinstance(item, hook.item):
-                given = f"a {type(answer).__name__} with a {type(item).__name__}"
-                return f"returned {given} from `{hook.name}`, not {hook.item.__name__}"
-    return ""

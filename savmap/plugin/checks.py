@@ -1,11 +1,10 @@
-"""What the engine checks of a hook's answer, beside its type. Each check raises ValueError with the first fault it
-finds."""
+"""What the engine checks of a hook's answer, beside its type and what its records refuse themselves when they are made
+(`savmap.types`). Each check raises ValueError with the first fault it finds."""
 
 import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,24 +21,21 @@ from savmap.types import (
     PlanePatch,
     RowFacts,
     RowInspection,
-    Solid,
     Structure,
     Track,
     Trajectory,
     View,
-    ViewPlan,
     ViewSpec,
 )
 
 if TYPE_CHECKING:
     from savmap.graph import Constraints
-    from savmap.types import Drawing, Score, SurveyEntry
+    from savmap.types import Score, SurveyEntry
 
 
 MOST_CELLS = 20_000_000
 FARTHEST_M = 1e5
 """No vertex is further from its row's origin: a site file's places are bounded alike."""
-IFC_CLASS = "Ifc[A-Za-z0-9]{1,77}"
 ROUNDING = 1e-6
 """Of a covariance's largest variance: what solving and rounding to six digits leave."""
 
@@ -50,35 +46,22 @@ def require(condition: bool, fault: str) -> None:
         raise ValueError(fault)
 
 
-def check_view_plan(plan: ViewPlan) -> None:
-    """Views of different names at finite angles, a rotation, a known direction of travel."""
-    _require_distinct((spec.name for spec in plan.views), "views with the name")
-    for spec in plan.views:
-        angles = (spec.yaw_deg, spec.pitch_deg, spec.roll_deg, spec.hfov_deg)
-        require(_finite(angles), f"view `{spec.name}`: an angle is not finite")
-    require(plan.travel in (-1, 0, 1), f"travel is {plan.travel}, not -1, 0 or 1")
-    if plan.world_from_rig is not None:
-        turn = np.asarray(plan.world_from_rig)
-        proper = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
-        require(proper, "world_from_rig is not a rotation (3, 3)")
+def require_distinct(names: Iterable[str], what: str) -> None:
+    """Raise ValueError where a name comes twice; `what` is called so, such as "views with the name"."""
+    name, times = next(iter(Counter(names).most_common(1)), ("", 0))
+    require(times <= 1, f"{times} {what} `{name}`")
 
 
 def check_detections(detections: Sequence[Detection], view: View) -> None:
-    """Masks of the view's size, finite scores."""
+    """Masks of the view's size."""
     size = (view.spec.height, view.spec.width)
     for number, detection in enumerate(detections):
         where = f"detection {number} (`{detection.label}`)"
         require(detection.mask.shape == size, f"{where}: its mask is {detection.mask.shape}, its view {size}")
-        require(_finite(detection.score), f"{where}: its score is not finite")
 
 
-def check_features(features: Sequence[Feature], view: View) -> None:
-    """Features of the view's name and frame. (A Feature itself refuses numbers that are not finite.)"""
-    check_measured(features, view.spec, view.frame)
-
-
-def check_measured(features: Sequence[Feature], spec: ViewSpec, frame: int) -> None:
-    """The same of features of found objects."""
+def check_features(features: Sequence[Feature], spec: ViewSpec, frame: int) -> None:
+    """Features of the view's name and frame."""
     for number, feature in enumerate(features):
         where = f"feature {number} (`{feature.label}`, `{feature.part}`)"
         require(feature.frame == frame, f"{where}: it is of frame {feature.frame}, its view of frame {frame}")
@@ -87,7 +70,7 @@ def check_measured(features: Sequence[Feature], spec: ViewSpec, frame: int) -> N
 
 def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
     """Tracks of different names, in frames and views of the row, with finite pixels and proper covariances."""
-    _require_distinct((track.name for track in tracks), "tracks with the name")
+    require_distinct((track.name for track in tracks), "tracks with the name")
     for track in tracks:
         where = f"track `{track.name}`"
         frames = np.asarray(track.frames)
@@ -101,75 +84,66 @@ def check_tracks(tracks: Sequence[Track], facts: RowFacts) -> None:
 
 
 def check_patches(patches: Sequence[PlanePatch]) -> None:
-    """Patches of different names, finite, of a size that memory holds, with sides that are unit vectors at right
-    angles."""
-    _require_distinct((patch.name for patch in patches), "planes with the name")
+    """Patches of different names, of a size that memory holds."""
+    require_distinct((patch.name for patch in patches), "planes with the name")
     for patch in patches:
-        where = f"plane `{patch.name}`"
-        require(_finite([*patch.origin, *patch.right, *patch.up, *patch.size]), f"{where}: a number is not finite")
-        sides = np.array([patch.right, patch.up])
-        require(np.allclose(sides @ sides.T, np.eye(2), atol=1e-6), f"{where}: right and up are not orthonormal")
-        require(patch.shape[0] * patch.shape[1] <= MOST_CELLS, f"{where}: more than {MOST_CELLS} cells")
+        cells = patch.shape[0] * patch.shape[1]
+        require(cells <= MOST_CELLS, f"plane `{patch.name}`: more than {MOST_CELLS} cells")
 
 
 def check_found(objects: Sequence[FoundObject], classes: Sequence[str]) -> None:
-    """Objects of different ids, with outlines of three corners or more, finite, of the plugin's classes."""
-    _require_distinct((item.id for item in objects), "found objects with the id")
+    """Objects of different ids, with outlines of three corners or more, of the plugin's classes."""
+    require_distinct((item.id for item in objects), "found objects with the id")
     for item in objects:
         where = f"found object `{item.id}`"
         require(item.label in classes, f"{where}: the plugin has no class `{item.label}`")
         require(len(item.outline) >= 3, f"{where}: an outline has three corners or more")
-        require(_finite(item.outline), f"{where}: a corner is not finite")
 
 
 def check_flat_parts(flats: Sequence[FlatParts], points: Mapping[str, Floats]) -> None:
-    """Parts of the plugin's own landmarks, parallel and across their axis, finite, and no two answers for one
-    coordinate."""
-    _require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
+    """Parts of the plugin's own landmarks, and no two answers for one coordinate."""
+    require_distinct((f"{flat.landmark}, {flat.axis}" for flat in flats), "answers for the depth of")
     for flat in flats:
-        where = f"flat parts at `{flat.landmark}`"
-        require(flat.landmark in points, f"{where}: the plugin has no such landmark")
-        require(_finite((flat.proud_m, flat.proud_sigma_m)), f"{where}: how far they stand out is not finite")
-        require(flat.proud_sigma_m > 0, f"{where}: proud_sigma_m is {flat.proud_sigma_m}, not positive")
+        require(flat.landmark in points, f"flat parts at `{flat.landmark}`: the plugin has no such landmark")
         check_patches(flat.parts)
-        for part in flat.parts:
-            same = np.allclose([part.right, part.up], [flat.parts[0].right, flat.parts[0].up], atol=1e-6)
-            across = abs(np.cross(part.right, part.up)[flat.column]) > 1 - 1e-6
-            require(same and bool(across), f"{where}: `{part.name}` is not parallel to the others, across {flat.axis}")
 
 
 def check_constraints(constraints: "Constraints", name: str, start: Trajectory) -> None:
-    """Constraints of the plugin's own landmarks, with finite first positions, pixels and relations, and factors that
-    GTSAM can use. Raises PluginFailedError for a factor or relation that it cannot."""
+    """Finite pixels with proper covariances, and what `require_valid_constraints` asks for, which raises
+    PluginFailedError."""
     from savmap.graph import require_valid_constraints  # keeps `savmap --help` fast
 
-    require(constraints.plugin == name, f"constraints of `{constraints.plugin}`")
-    for landmark, position in constraints.initial.items():
-        fit = np.shape(position) == (3,) and _finite(position)
-        require(fit, f"initial position of `{landmark}`: it is not three finite numbers")
     require(_finite(constraints.measurements.pixels), "a measured pixel is not finite")
     _require_covariances(constraints.measurements.covariances, "measured pixels")
-    for relation in chain(constraints.relations, *constraints.alternatives.values()):
-        where = f"relation `{relation.name}`" if relation.name else f"a relation along {relation.axis or 'no axis'}"
-        require(_finite((relation.value, relation.sigma)), f"{where}: its value or sigma is not finite")
-        require(relation.sigma > 0, f"{where}: its sigma is {relation.sigma}, not positive")
     require_valid_constraints(name, constraints, start)
 
 
 def check_structures(structures: Sequence[Structure]) -> None:
     """Structures of different ids and with a vertex or more, whose numbers are finite and whose attributes go into
     map.json."""
-    _require_distinct((structure.id for structure in structures), "structures with the id")
+    require_distinct((structure.id for structure in structures), "structures with the id")
     for structure in structures:
         where = f"structure `{structure.id}`"
         texts = (structure.id, structure.label, *structure.vertex_labels)
         require(all(isinstance(text, str) for text in texts), f"{where}: its id and labels are not all texts")
         _require_positions(structure, where)
-        _require_edges(structure, where)
+        edges = np.asarray(structure.edges)
+        require(edges.dtype.kind in "iu" or not edges.size, f"{where}: edges are not whole numbers (m, 2)")
+        require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
+        inside = (edges >= 0) & (edges < len(structure.vertices))
+        require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
         if structure.solid is not None:
-            _require_solid(structure.solid, where)
+            far = max(np.abs(structure.solid.outline).max(), np.abs(structure.solid.depth).max())
+            require(far <= FARTHEST_M, f"{where}: a corner of its solid is more than {FARTHEST_M:g} m away")
+            kind = structure.solid.ifc_class
+            named = re.fullmatch("Ifc[A-Za-z0-9]{1,77}", kind)
+            require(named is not None, f"{where}: {kind!r} is no class of IFC, such as IfcBeam")
         for name, value in structure.attributes.items():
-            _require_attribute(name, value, where)
+            require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
+            number = isinstance(value, int | float | np.integer | np.floating)
+            said = number or isinstance(value, str | Measured)
+            require(said, f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text")
+            require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")
 
 
 def check_related(related: Sequence[Structure], structures: Sequence[Structure]) -> None:
@@ -184,43 +158,30 @@ def check_warnings(warnings: Sequence[MapWarning], structures: Sequence[Structur
     """Every warning is about structures that there are, or about all that the plugin of this name maps."""
     ids = {name, *(structure.id for structure in structures)}
     for warning in warnings:
-        require(
-            ids.issuperset(warning.subjects),
-            f"a warning about {sorted(set(warning.subjects) - ids)}, which is not among the structures",
-        )
+        others = sorted(set(warning.subjects) - ids)
+        require(not others, f"a warning about {others}, which is not among the structures")
 
 
 def check_inspection(inspection: RowInspection, structures: Sequence[Structure]) -> None:
-    """Tables of different names, and parts to be shown of structures that were given, finite and of a size."""
+    """Tables of different names, and parts to be shown of structures that were given."""
     ids = {structure.id for structure in structures}
-    _require_distinct((table.name for table in inspection.tables), "tables with the name")
-    for table in inspection.tables:
-        require(bool(re.fullmatch("[a-z0-9-]+", table.name)), f"table `{table.name}`: a name is small letters and -")
+    require_distinct((table.name for table in inspection.tables), "tables with the name")
     for part in inspection.close_ups:
-        where = f"part `{part.title}`"
-        require(part.subject in ids, f"{where}: no structure has the id `{part.subject}`")
-        require(_finite(part.corners), f"{where}: a corner is not finite")
-        require(bool((np.ptp(part.corners[:, :2], axis=0) > 0).all()), f"{where}: it has no width or no height")
+        require(part.subject in ids, f"part `{part.title}`: no structure has the id `{part.subject}`")
 
 
 def check_landmarks(landmarks: Sequence[CrossRowLandmark], structures: Sequence[Structure]) -> None:
-    """Landmarks of structures that were given, with finite positions."""
+    """Landmarks of structures that were given."""
     ids = {structure.id for structure in structures}
-    _require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
+    require_distinct((landmark.id for landmark in landmarks), "landmarks with the id")
     for landmark in landmarks:
         require(landmark.id in ids, f"landmark `{landmark.id}`: no structure has that id")
-        require(_finite(landmark.place), f"landmark `{landmark.id}`: its position is not finite")
-        require(_finite(landmark.covariance), f"landmark `{landmark.id}`: its covariance is not finite")
 
 
 def check_score(score: "Score") -> None:
     """Errors that can be averaged. A deviation may be infinite: the structure is spurious."""
-    named = {
-        **score.errors,
-        **score.coordinates,
-        **{name: matches.distances_m for name, matches in score.distances.items()},
-    }
-    for name, errors in named.items():
+    distances = {name: matches.distances_m for name, matches in score.distances.items()}
+    for name, errors in {**score.errors, **score.coordinates, **distances}.items():
         require(_finite(errors), f"an error of `{name}` is not finite")
     for name, deviation in score.deviations.items():
         require(not np.isnan(deviation), f"the deviation of `{name}` is not a number")
@@ -234,25 +195,9 @@ def check_survey_entry(entry: "SurveyEntry", structures: Sequence[Structure]) ->
     json.dumps(dict(entry.values), allow_nan=False)
 
 
-def check_drawings(drawings: "Sequence[Drawing]") -> None:
-    """Points that can be drawn."""
-    for drawing in drawings:
-        require(_finite(drawing.points), f"a point of `{drawing.name or drawing.legend}` is not finite")
-
-
-def check_exporters(formats: Mapping[str, object]) -> None:
-    """Functions by name."""
-    require(all(callable(write) for write in formats.values()), "no functions by name")
-
-
 def _finite(numbers: object) -> bool:
     given = np.asarray(numbers)
     return given.dtype.kind != "c" and bool(np.isfinite(given.astype(np.float64)).all())
-
-
-def _require_distinct(names: Iterable[str], what: str) -> None:
-    name, times = next(iter(Counter(names).most_common(1)), ("", 0))
-    require(times <= 1, f"{times} {what} `{name}`")
 
 
 def _require_covariances(covariances: Floats, where: str) -> None:
@@ -266,9 +211,8 @@ def _require_positions(structure: Structure, where: str) -> None:
     """Vertices within the map's bounds, and covariances that are ones, but for rounding."""
     require(len(structure.vertices) > 0, f"{where}: it has no vertex")
     require(_finite(structure.vertices), f"{where}: a vertex is not finite")
-    require(
-        bool((np.abs(structure.vertices) <= FARTHEST_M).all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away"
-    )
+    near = np.abs(structure.vertices) <= FARTHEST_M
+    require(bool(near.all()), f"{where}: a vertex is more than {FARTHEST_M:g} m away")
     covariances = structure.covariances
     require(_finite(covariances), f"{where}: a covariance is not finite")
     variances = np.diagonal(covariances, axis1=1, axis2=2)
@@ -279,34 +223,3 @@ def _require_positions(structure: Structure, where: str) -> None:
     require(bool((skew <= allowed).all()), f"{where}: a covariance is not symmetric")
     least = np.linalg.eigvalsh(covariances).min(axis=1, initial=0.0)
     require(bool((least >= -allowed).all()), f"{where}: a covariance has a negative eigenvalue")
-
-
-def _require_edges(structure: Structure, where: str) -> None:
-    edges = np.asarray(structure.edges)
-    require(edges.dtype.kind in "iu" or not edges.size, f"{where}: edges are not whole numbers (m, 2)")
-    require(edges.ndim == 2 and edges.shape[1] == 2, f"{where}: edges are {edges.shape}, not (m, 2)")
-    inside = (edges >= 0) & (edges < len(structure.vertices))
-    require(bool(inside.all()), f"{where}: an edge joins a vertex that is not there")
-
-
-def _require_solid(solid: Solid, where: str) -> None:
-    for what, numbers in (("outline", solid.outline), ("depth", solid.depth)):
-        require(_finite(numbers), f"{where}: the {what} of its solid is not finite")
-        require(
-            bool((np.abs(numbers) <= FARTHEST_M).all()),
-            f"{where}: the {what} of its solid is more than {FARTHEST_M:g} m",
-        )
-    require(
-        bool(re.fullmatch(IFC_CLASS, solid.ifc_class)),
-        f"{where}: {solid.ifc_class!r} is no class of IFC, such as IfcBeam",
-    )
-
-
-def _require_attribute(name: object, value: object, where: str) -> None:
-    require(isinstance(name, str), f"{where}: the name {name!r} of an attribute is no text")
-    number = isinstance(value, int | float | np.integer | np.floating)
-    require(
-        number or isinstance(value, str | Measured),
-        f"{where}: attribute `{name}` is a {type(value).__name__}, no number or text",
-    )
-    require(not number or _finite(value), f"{where}: attribute `{name}` is not finite")

@@ -20,7 +20,6 @@ from savmap.types import (
     Panorama,
     RowFacts,
     Structure,
-    Track,
     Trajectory,
     View,
     ViewPlan,
@@ -59,8 +58,9 @@ def check_plugin(plugin_class: type[Plugin], require_model: bool = True) -> None
 def _views_are_chosen(plugin: LoadedPlugin) -> Iterator[str]:
     """Views are chosen, or refused in the plugin's own words, whatever the network gives and whether the attitude is
     known."""
+    predictors: tuple[Callable[[View], list[Detection]], ...] = (lambda _: [], _predictor(plugin))
     for attitude in (None, _path().world_from_rig[0, :3, :3]):
-        for predict in (_predict_nothing, _predictor(plugin)):
+        for predict in predictors:
             yield from _failures(lambda: plugin.render_views(_preview(), predict, None, {}, attitude))  # noqa: B023
 
 
@@ -92,22 +92,35 @@ def _nothing_gives_no_tracks(plugin: LoadedPlugin) -> Iterator[str]:
     """Without features, tracking gives nothing or says so with a SavmapError of its own."""
     start = _path() if plugin.needs_path else None
     yield from _untrue(
-        lambda: plugin.track([], _facts(SPEC), _attitudes(), start) == [], "track([]) must give no tracks"
+        lambda: plugin.track([], _facts(SPEC), _path().world_from_rig[:, :3, :3], start) == [],
+        "track([]) must give no tracks",
     )
 
 
 def _a_place_is_mapped(plugin: LoadedPlugin) -> Iterator[str]:
     """Posts, strips on the ceiling or slabs on the floor, whatever the plugin's views show, from features to
     structures."""
-    from savmap.graph import check_jacobians  # with its own weight; only where it is needed
+    from savmap.graph import (  # with its own weight; only where it is needed
+        camera_priors,
+        check_jacobians,
+        merge,
+        solve,
+    )
 
-    spec = _spec(plugin)
+    spec, path = _spec(plugin), _path()
+    facts = _facts(spec)
     try:
-        features = [feature for frame in range(FRAMES) for feature in _features(plugin, spec, frame)]
-        tracks = plugin.track(features, _facts(spec), _attitudes(), _path())
+        features: list[Feature] = []
+        for frame in range(FRAMES):
+            detections = _place_detections(plugin.classes, spec, frame)
+            features += plugin.extract_features(_view(spec, frame), detections, None)
+        tracks = plugin.track(features, facts, path.world_from_rig[:, :3, :3], path)
+        structures: list[Structure] = []
         if tracks:
-            yield from check_jacobians(plugin.constrain(tracks, _facts(spec), _path()), _path())
-        structures = _structures(plugin, _facts(spec), tracks) if tracks else []
+            constraints = plugin.constrain(tracks, facts, path)
+            yield from check_jacobians(constraints, path)
+            held = merge(camera_priors(facts, path, fixed=path), constraints)
+            structures = plugin.describe(tracks, facts, solve(held))
         related = plugin.relate(structures, {})
         score = plugin.evaluate(related, {})
         plugin.draw(related, None, score.deviations)
@@ -170,10 +183,6 @@ def _path() -> Trajectory:
     return Trajectory(np.arange(FRAMES), poses)
 
 
-def _attitudes() -> Floats:
-    return _path().world_from_rig[:, :3, :3]
-
-
 def _facts(spec: ViewSpec) -> RowFacts:
     table = FrameTable(np.arange(FRAMES) / 5.0, ("pass 1",) * FRAMES)
     return RowFacts("contract", table, {spec.name: spec}, {"pass 1": 1})
@@ -199,24 +208,8 @@ def _preview() -> "PassPreview":
     return PassPreview(keys, (), Renderer(), LEVEL.T)
 
 
-def _predict_nothing(view: View) -> list[Detection]:
-    return []
-
-
 def _predictor(plugin: LoadedPlugin) -> Callable[[View], list[Detection]]:
     return lambda view: _place_detections(plugin.classes, view.spec, view.frame)
-
-
-def _features(plugin: LoadedPlugin, spec: ViewSpec, frame: int) -> list[Feature]:
-    return plugin.extract_features(_view(spec, frame), _place_detections(plugin.classes, spec, frame), None)
-
-
-def _structures(plugin: LoadedPlugin, facts: RowFacts, tracks: Sequence[Track]) -> list[Structure]:
-    """What is described of a solve in which the camera's path is held."""
-    from savmap.graph import camera_priors, merge, solve  # as above
-
-    constraints = plugin.constrain(tracks, facts, _path())
-    return plugin.describe(tracks, facts, solve(merge(camera_priors(facts, _path(), fixed=_path()), constraints)))
 
 
 def _place_detections(classes: Sequence[str], spec: ViewSpec, frame: int) -> list[Detection]:

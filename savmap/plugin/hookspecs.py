@@ -1,7 +1,7 @@
 """The hooks: the one door through which every structure type, ours and a stranger's, enters savmap.
 
-`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last two is asked of one plugin at a
-time. A plugin must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
+`savmap.plugin.protocol` says what a plugin's class declares. Every hook but the last is asked of one plugin at a time.
+A plugin must write those in `REQUIRED`; the others have defaults. docs/hooks.md shows each with an example.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,8 +39,6 @@ from savmap.types import (
 )
 
 if TYPE_CHECKING:
-    import typer
-
     from savmap.graph import Constraints, KeySpace, Landmark, Solution
     from savmap.types import Drawing, Score, SurveyEntry
     from savmap.vision.networks.segmenter import Segmenter
@@ -139,7 +137,8 @@ def flat_parts(points: Mapping[str, Floats]) -> list[FlatParts]:
 
 @hookspec(firstresult=True)
 def constrain(tracks: Sequence[Track], facts: RowFacts, start: Trajectory, keys: "KeySpace") -> "Constraints":
-    """Constraint generation: GTSAM factors and initial values for the plugin's landmarks, whose keys `keys` gives."""
+    """Constraint generation: first positions, pixels and relations of the plugin's landmarks, whose keys `keys` gives,
+    and GTSAM factors of its own."""
 
 
 @hookspec(firstresult=True)
@@ -230,8 +229,3 @@ def exporters() -> Mapping[str, Exporter]:
     """Further map formats for `savmap export`: name to a function that writes a map to a path. Every plugin is asked.
 
     The path is a temporary one; what was written is put in its place when the function returns."""
-
-
-@hookspec
-def register_commands(app: "typer.Typer") -> None:
-    """Add commands to `savmap`. Every plugin is asked."""

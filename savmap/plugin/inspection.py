@@ -1,6 +1,6 @@
 """What plugins' `inspect` hooks have in common: limits with their source, as settings, and findings by them."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import Annotated, Any, Self
 
@@ -76,41 +76,31 @@ class Limit(InspectionLimits):
         )
 
 
-def limit_lines(limits: BaseModel, keys: Collection[str], prefix: str = "") -> list[AppliedLimit]:
+def limit_lines(limits: BaseModel, keys: Collection[str], prefix: str = "") -> Iterator[AppliedLimit]:
     """Every limit of a model that is set and has one of these keys, for the page of an inspection."""
-    return [line for key in type(limits).model_fields if key in keys for line in _lines(limits, key, prefix)]
-
-
-def _lines(limits: BaseModel, key: str, prefix: str) -> list[AppliedLimit]:
-    value, meaning = getattr(limits, key), type(limits).model_fields[key].description or ""
-    name, source = prefix + key, str(getattr(limits, "source", ""))
-    if isinstance(value, Limit):
-        return [AppliedLimit(name, meaning, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source)]
-    if isinstance(value, tuple):
-        return [
-            AppliedLimit(f"{name} {k}", meaning, _words(entry), getattr(entry, "source", ""))
-            for k, entry in enumerate(value, start=1)
-        ]
-    return (
-        []
-        if value is None
-        else [AppliedLimit(name, meaning, f"{value} m" if key.endswith(METRES) else str(value), source)]
-    )
+    source = str(getattr(limits, "source", ""))
+    for key, field in type(limits).model_fields.items():
+        value, name, meaning = getattr(limits, key), prefix + key, field.description or ""
+        if key not in keys or value is None:
+            continue
+        if isinstance(value, Limit):
+            yield AppliedLimit(name, meaning, f"amber {value.amber:.3g}, red {value.red:.3g}", value.source)
+        elif isinstance(value, tuple):
+            for k, entry in enumerate(value, start=1):
+                yield AppliedLimit(f"{name} {k}", meaning, _words(entry), getattr(entry, "source", ""))
+        else:
+            yield AppliedLimit(name, meaning, f"{value} m" if key.endswith(METRES) else str(value), source)
 
 
 def _words(entry: object) -> str:
-    """The values of a model in words, or a value."""
+    """The values of a model in words, such as "width 0.8 m", or a value."""
     if not isinstance(entry, BaseModel):
         return str(entry)
-    given = {name: getattr(entry, name) for name in type(entry).model_fields}
-    return ", ".join(
-        _named(name, value) for name, value in given.items() if name != "source" and value not in (None, ())
-    )
-
-
-def _named(key: str, value: object) -> str:
-    """Such as "width 0.8 m"."""
-    text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
-    if key.endswith(METRES):
-        return f"{key.removesuffix(METRES).replace('_', ' ')} {text} m"
-    return f"{key.replace('_', ' ')} {text}"
+    words = []
+    for key in type(entry).model_fields:
+        value = getattr(entry, key)
+        if key != "source" and value not in (None, ()):
+            text = ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            name = key.removesuffix(METRES).replace("_", " ")
+            words.append(f"{name} {text} m" if key.endswith(METRES) else f"{name} {text}")
+    return ", ".join(words)

@@ -5,13 +5,12 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, get_origin
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
 from savmap.plugin.calls import Hook
 from savmap.plugin.manager import LoadedPlugin, notices
-from savmap.types import ViewPlan
 
 log = logging.getLogger("savmap")
 _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", default=None)
@@ -34,15 +33,20 @@ class IsolatedPlugin(LoadedPlugin):
         if not self.failures:
             try:
                 return super().ask(hook, arguments)
-            except PluginFailedError as error:
+            except SavmapError as error:
                 if not self.failures:
-                    self._failed(error)
-            except SavmapError:
-                if not self.failures:
-                    raise
-        return _nothing(hook, arguments, self.name)
+                    if not isinstance(error, PluginFailedError):
+                        raise
+                    self._contain(error)
+        if hook.default is not None and hook.name != "detect":  # whose default asks the network
+            return hook.default(arguments)
+        if hook.name == "constrain":
+            from savmap.graph import Constraints, image_measurements  # gtsam takes long to import
 
-    def _failed(self, error: PluginFailedError) -> None:
+            return Constraints(self.name, {}, image_measurements([], {}, {}), (), {})
+        return (get_origin(hook.expected) or hook.expected)()
+
+    def _contain(self, error: PluginFailedError) -> None:
         self.failures.append(error)
         where = f"row {self.row}: " if self.row else ""
         notices.warning("%s%s", where, left_out(str(error)))
@@ -59,10 +63,7 @@ def left_out(failure: str) -> str:
 
 def isolated(plugins: Sequence[LoadedPlugin], row: str = "") -> Sequence[LoadedPlugin]:
     """The same plugins, each kept from harming the others."""
-    return [
-        IsolatedPlugin(**{part.name: getattr(plugin, part.name) for part in fields(plugin)}, row=row)
-        for plugin in plugins
-    ]
+    return [IsolatedPlugin(**vars(plugin), row=row) for plugin in plugins]
 
 
 def failed(plugins: Sequence[LoadedPlugin]) -> dict[str, str]:
@@ -86,14 +87,3 @@ def because(error: SavmapError, failures: Mapping[str, str]) -> SavmapError:
     if not failures:
         return error
     return PluginError(f"{'; '.join(failures.values())}; without it the row cannot be mapped: {error}")
-
-
-def _nothing(hook: Hook[Any, Any], arguments: Mapping[str, Any], plugin: str) -> Any:
-    """The answer of a hook that says there is nothing."""
-    if hook.default is not None and hook.name != "detect":  # whose default asks the network
-        return hook.default(arguments)
-    if hook.name == "constrain":
-        from savmap.graph import Constraints, image_measurements  # gtsam takes long to import
-
-        return Constraints(plugin, {}, image_measurements([], {}, {}), (), {})
-    return ViewPlan(()) if hook.expected is ViewPlan else hook.expected()

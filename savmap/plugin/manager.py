@@ -6,11 +6,10 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
+from inspect import signature
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import pluggy
 from pydantic import BaseModel
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError, format_error
@@ -18,7 +17,7 @@ from savmap.files.validation import validated
 from savmap.maps.exports import FORMATS, OneFrame
 from savmap.plugin import checks, hookspecs
 from savmap.plugin.apps import apps
-from savmap.plugin.calls import Hook, HookCaller
+from savmap.plugin.calls import Hook, HookCaller, manager
 from savmap.plugin.inspection import InspectionLimits
 from savmap.plugin.protocol import class_faults, implements
 from savmap.types import (
@@ -149,12 +148,20 @@ class LoadedPlugin(HookCaller):
     config: BaseModel
     providers: tuple[str, ...] = ()
 
-    render_views = Hook(hookspecs.render_views, ViewPlan, checks.check_view_plan)
-    extract_features = Hook(hookspecs.extract_features, list[Feature], checks.check_features)
+    render_views = Hook(
+        hookspecs.render_views,
+        ViewPlan,
+        lambda plan: checks.require_distinct((view.name for view in plan.views), "views with the name"),
+    )
+    extract_features = Hook(
+        hookspecs.extract_features,
+        list[Feature],
+        lambda features, view: checks.check_features(features, view.spec, view.frame),
+    )
     track = Hook(hookspecs.track, list[Track], checks.check_tracks)
     planes = Hook(hookspecs.planes, list[PlanePatch], checks.check_patches, _nothing)
     find = Hook(hookspecs.find, list[FoundObject], checks.check_found, _nothing)
-    measure = Hook(hookspecs.measure, list[Feature], checks.check_measured)
+    measure = Hook(hookspecs.measure, list[Feature], checks.check_features)
     flat_parts = Hook(hookspecs.flat_parts, list[FlatParts], checks.check_flat_parts, _nothing)
     relate = Hook(hookspecs.relate, list[Structure], checks.check_related, lambda asked: list(asked["structures"]))
     warnings = Hook(hookspecs.warnings, list[MapWarning], checks.check_warnings, _nothing)
@@ -164,8 +171,12 @@ class LoadedPlugin(HookCaller):
     cross_row_landmarks = Hook(hookspecs.cross_row_landmarks, list[CrossRowLandmark], checks.check_landmarks, _nothing)
     evaluate = Hook(hookspecs.evaluate, Score, checks.check_score, lambda _: Score())
     survey_entry = Hook(hookspecs.survey_entry, SurveyEntry, checks.check_survey_entry, _no_survey)
-    draw = Hook(hookspecs.draw, tuple[Drawing, ...], checks.check_drawings, lambda _: ())
-    exporters = Hook(hookspecs.exporters, Mapping, checks.check_exporters)
+    draw = Hook(hookspecs.draw, tuple[Drawing, ...], default=lambda _: ())
+    exporters = Hook(
+        hookspecs.exporters,
+        Mapping,
+        lambda formats: checks.require(all(map(callable, formats.values())), "no functions by name"),
+    )
     _detect = Hook(hookspecs.detect, list[Detection], checks.check_detections, _regions)
     _describe = Hook(hookspecs.describe, list[Structure], checks.check_structures)
 
@@ -264,23 +275,24 @@ def loaded_plugin(
 ) -> LoadedPlugin:
     """A plugin of a class and validated settings, at work. Raises PluginError for a class that is incomplete."""
     require_complete(name, plugin_class)
-    instance, manager = set_up(name, lambda: plugin_class(settings), hookspecs)
-    return LoadedPlugin(name, instance, manager, settings, providers)
+    return LoadedPlugin(name, set_up(name, lambda: plugin_class(settings)), settings, providers)
 
 
-def set_up(name: str, make: Callable[[], Any], specifications: ModuleType) -> tuple[Any, pluggy.PluginManager]:
-    """What `make` gives, and a manager that asks it and no other. Raises PluginError."""
+def set_up(name: str, make: Callable[[], Any]) -> Any:
+    """What `make` gives: an object whose hooks take no argument that they are not given. Raises PluginError."""
     try:
         instance = make()
-        manager = pluggy.PluginManager("savmap")
-        manager.add_hookspecs(specifications)
-        manager.register(instance, name=name)
-        manager.check_pending()
     except SavmapError:
         raise
     except (Exception, SystemExit) as error:
         raise PluginError(f"plugin `{name}` cannot be set up: {format_error(error)}") from error
-    return instance, manager
+    for hook in (each for each in dir(type(instance)) if implements(type(instance), each)):
+        given = getattr(manager.hook, hook).spec.argnames
+        for argument in signature(getattr(instance, hook)).parameters.values():
+            if argument.kind == argument.POSITIONAL_OR_KEYWORD and argument.name not in given:
+                what = f"`{hook}` takes `{argument.name}`, but is given {', '.join(given) or 'nothing'}"
+                raise PluginError(f"plugin `{name}` cannot be set up: {what}")
+    return instance
 
 
 def exporters() -> dict[str, hookspecs.Exporter]:
@@ -295,20 +307,3 @@ def exporters() -> dict[str, hookspecs.Exporter]:
         if implements(plugin_class, "exporters"):
             formats.update(open_plugin(name, {}).exporters())
     return formats
-
-
-def register_commands(app: Any) -> None:
-    """Let every installed plugin whose class has `register_commands` add to the command line; one that cannot be used
-    is named in a warning. Raises PluginFailedError."""
-    plugins = load_installed()
-    for reason in plugins.broken.values():
-        notices.warning("%s", reason)
-    for name, plugin_class in plugins.classes.items():
-        add = getattr(plugin_class, "register_commands", None)
-        if add is None:
-            continue
-        try:
-            add(app)
-        except (Exception, SystemExit) as error:
-            what = f"failed in `register_commands`: {format_error(error)}"
-            raise PluginFailedError(name, "register_commands", what) from error

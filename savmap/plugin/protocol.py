@@ -106,7 +106,25 @@ class Plugin(Protocol):
 
 def class_faults(plugin_class: Any) -> Iterator[str]:
     """What a plugin's class lacks or declares wrongly: attributes first, then hooks."""
-    yield from _attribute_faults(plugin_class)
+    if not isinstance(getattr(plugin_class, "name", None), str):
+        yield "`name` must be a string"
+    classes = getattr(plugin_class, "classes", None)
+    if not (isinstance(classes, tuple) and classes and all(isinstance(label, str) for label in classes)):
+        yield "`classes` must be a tuple of names"
+    if not isinstance(getattr(plugin_class, "model", None), Path):
+        yield "`model` must be a Path"
+    names = getattr(plugin_class, "reference_names", ())
+    if not (isinstance(names, tuple) and all(isinstance(name, str) for name in names)):
+        yield "`reference_names` must be a tuple of names"
+    labels = getattr(plugin_class, "ifc_classes", {})
+    if not (isinstance(labels, Mapping) and all(isinstance(text, str) for pair in labels.items() for text in pair)):
+        yield "`ifc_classes` must be a mapping of classes of IFC to labels"
+    config = getattr(plugin_class, "Config", None)
+    yield from _model_faults("Config", config)
+    if hasattr(plugin_class, "Limits"):
+        yield from _model_faults("Limits", plugin_class.Limits)
+    if not set(getattr(plugin_class, "scale_settings", ())) <= set(getattr(config, "model_fields", ())):
+        yield "`scale_settings` must name settings of `Config`"
     finds = implements(plugin_class, "find")
     for hook in hookspecs.REQUIRED:
         hook = "measure" if finds and hook == "extract_features" else hook
@@ -128,28 +146,6 @@ def hook_faults(plugin_class: Any, specifications: ModuleType) -> Iterator[str]:
 def implements(plugin: Any, hook: str) -> bool:
     """Whether a plugin's class, or an object of it, has a hook of its own."""
     return hasattr(getattr(plugin, hook, None), "savmap_impl")
-
-
-def _attribute_faults(plugin_class: Any) -> Iterator[str]:
-    if not isinstance(getattr(plugin_class, "name", None), str):
-        yield "`name` must be a string"
-    classes = getattr(plugin_class, "classes", None)
-    if not (isinstance(classes, tuple) and classes and all(isinstance(label, str) for label in classes)):
-        yield "`classes` must be a tuple of names"
-    if not isinstance(getattr(plugin_class, "model", None), Path):
-        yield "`model` must be a Path"
-    names = getattr(plugin_class, "reference_names", ())
-    if not (isinstance(names, tuple) and all(isinstance(name, str) for name in names)):
-        yield "`reference_names` must be a tuple of names"
-    labels = getattr(plugin_class, "ifc_classes", {})
-    if not (isinstance(labels, Mapping) and all(isinstance(text, str) for pair in labels.items() for text in pair)):
-        yield "`ifc_classes` must be a mapping of classes of IFC to labels"
-    config = getattr(plugin_class, "Config", None)
-    yield from _model_faults("Config", config)
-    if hasattr(plugin_class, "Limits"):
-        yield from _model_faults("Limits", plugin_class.Limits)
-    if not set(getattr(plugin_class, "scale_settings", ())) <= set(getattr(config, "model_fields", ())):
-        yield "`scale_settings` must name settings of `Config`"
 
 
 def _model_faults(name: str, model: object) -> Iterator[str]:

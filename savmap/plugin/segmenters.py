@@ -34,7 +34,9 @@ class SegmenterPool:
         for plugin in plugins:
             sharing.setdefault(_key(plugin), []).append(plugin)
         self._networks = {key: _network(key, named) for key, named in sharing.items()}
-        self.notes = tuple(dict.fromkeys(line for network in self._networks.values() for line in _notes(network)))
+        networks = self._networks.values()
+        lines = [line for each in networks for line in ("" if each.provider == "cpu" else f"network {each}", each.note)]
+        self.notes = tuple(dict.fromkeys(filter(None, lines)))
         for plugin in plugins:
             network = self.network(plugin)
             missing = sorted(set(plugin.classes) - set(network.classes))
@@ -111,8 +113,3 @@ def _opened(
 def close_unused() -> None:
     """Close the networks that no pool has."""
     _opened.cache_clear()
-
-
-def _notes(network: Segmenter) -> Sequence[str]:
-    notes = [] if network.provider == "cpu" else [f"network {network}"]
-    return [*notes, *([network.note] if network.note else [])]

@@ -34,16 +34,15 @@ def call(hook: str, arguments: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         says = f"raised {format_error(error)}"
         raise
     finally:
-        line = f"{hook}{_place(arguments)}: {1e3 * (time.perf_counter() - begin_s):.2f} ms, {says}"
+        view, row = arguments.get("view"), getattr(arguments.get("facts"), "name", None) or _row.get()
+        parts = [f"row {row}"] if row else []
+        if isinstance(view, View):
+            parts += [f"frame {view.frame}", view.spec.name]
+        place = f" [{', '.join(parts)}]" if parts else ""
+        line = f"{hook}{place}: {1e3 * (time.perf_counter() - begin_s):.2f} ms, {says}"
         with suppress(OSError, ValueError):  # what cannot be printed goes into the log only
             print(f"trace: {visible(line)}", file=sys.stderr, flush=True)
         log.info("trace: %s", line)
-
-
-def log_lines(lines: Sequence[str]) -> None:
-    """Write lines into this process's log that another process had no log for."""
-    for line in lines:
-        log.info("%s", line)
 
 
 class _Kept(logging.Handler):
@@ -71,16 +70,6 @@ def about(rows: Sequence[str], keep: bool) -> Iterator[list[str]]:
         logger.removeHandler(handler)
         logger.setLevel(level)
         _row.reset(token)
-
-
-def _place(arguments: Mapping[str, Any]) -> str:
-    """Row, frame and view of a call, as far as its arguments say: " [row A, frame 12, pass 1 / face]"."""
-    view = arguments.get("view")
-    row = getattr(arguments.get("facts"), "name", None) or _row.get()
-    parts = [f"row {row}"] if row else []
-    if isinstance(view, View):
-        parts += [f"frame {view.frame}", view.spec.name]
-    return f" [{', '.join(parts)}]" if parts else ""
 
 
 def _answer(answer: object) -> str:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from savmap.types.common import Floats, array_record
 
 Kind = Literal["polygon", "line", "point"]
@@ -20,7 +22,7 @@ class Drawing:
     than is shown as right. tone: part of the structure that bounds the picture, or a fixture around it. legend:
     what such shapes are called in the legend. caption: a short text beside it. name: the id of the structure that
     it shows, by which the report finds its standard deviations. Raises ValueError where the points have another
-    shape."""
+    shape or are not finite."""
 
     kind: Kind
     points: Floats
@@ -34,3 +36,5 @@ class Drawing:
     def __post_init__(self) -> None:
         if self.points.ndim != 2 or self.points.shape[1] != 3 or not len(self.points):
             raise ValueError(f"Drawing: points of {self.legend} must be (n, 3), not {self.points.shape}")
+        if not np.isfinite(self.points).all():
+            raise ValueError(f"Drawing: a point of `{self.name or self.legend}` is not finite")

@@ -3,6 +3,7 @@ there, and how deep flat parts lie."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,10 @@ class PlanePatch:
 
     def __post_init__(self) -> None:
         require(self.cell > 0 and bool(np.all(np.asarray(self.size) > 0)), self, "size and cell must be positive")
+        numbers, sides = [*self.origin, *self.size, self.cell], np.array([self.right, self.up])
+        require(all(map(isfinite, numbers)), self, f"a number of `{self.name}` is not finite")
+        level = np.allclose(sides @ sides.T, np.eye(2), atol=1e-6)
+        require(level, self, f"right and up of `{self.name}` are not orthonormal")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -96,6 +101,7 @@ class FoundObject:
 
     def __post_init__(self) -> None:
         require(self.outline.ndim == 2 and self.outline.shape[1] == 3, self, "outline must be (n, 3)")
+        require(bool(np.isfinite(self.outline).all()), self, f"a corner of `{self.id}` is not finite")
         require(0 <= self.probability <= 1, self, "probability must be within 0 and 1")
 
     @property
@@ -121,6 +127,14 @@ class FlatParts:
     parts: tuple[PlanePatch, ...]
     proud_m: float = 0.0
     proud_sigma_m: float = 0.0005
+
+    def __post_init__(self) -> None:
+        finite = isfinite(self.proud_m) and isfinite(self.proud_sigma_m)
+        require(finite and self.proud_sigma_m > 0, self, "proud_m must be finite, proud_sigma_m positive")
+        for part in self.parts:
+            same = np.allclose([part.right, part.up], [self.parts[0].right, self.parts[0].up], atol=1e-6)
+            across = bool(abs(part.axes[self.column, 2]) > 1 - 1e-6)
+            require(same and across, self, f"`{part.name}` is not parallel to the others, across {self.axis}")
 
     @property
     def column(self) -> int:

@@ -1,9 +1,12 @@
 """Records of an inspection: what is found of a map's structures, how it stands to a limit, and what is shown of it."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import erf, isfinite, sqrt
 from typing import Literal
+
+import numpy as np
 
 from savmap.types.common import Floats, Measured, array_record, require
 
@@ -64,6 +67,7 @@ class FindingTable:
 
     def __post_init__(self) -> None:
         require(all(len(line) == len(self.columns) for line in self.lines), self, "each line has a cell a column")
+        require(bool(re.fullmatch("[a-z0-9-]+", self.name)), self, f"`{self.name}`: a name is small letters and -")
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +81,8 @@ class CloseUp:
     corners: Floats
 
     def __post_init__(self) -> None:
-        require(self.corners.shape == (2, 3), self, "corners (2, 3)")
+        require(self.corners.shape == (2, 3) and bool(np.isfinite(self.corners).all()), self, "corners (2, 3), finite")
+        require(bool((np.ptp(self.corners[:, :2], axis=0) > 0).all()), self, "it has no width or no height")
 
 
 @dataclass(frozen=True)

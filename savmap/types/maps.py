@@ -68,6 +68,8 @@ class Solid:
     def __post_init__(self) -> None:
         require(self.outline.shape == (len(self.outline), 3) and len(self.outline) >= 3, self, "outline (n, 3), n >= 3")
         require(self.depth.shape == (3,) and bool(np.linalg.norm(self.depth) > 0), self, "depth (3,), not zero")
+        finite = np.isfinite(self.outline).all() and np.isfinite(self.depth).all()
+        require(bool(finite), self, "a number of its outline or depth is not finite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +164,8 @@ class CrossRowLandmark:
 
     def __post_init__(self) -> None:
         require(self.place.shape == (3,) and self.covariance.shape == (3, 3), self, "place (3,), covariance (3, 3)")
+        finite = np.isfinite(self.place).all() and np.isfinite(self.covariance).all()
+        require(bool(finite), self, f"a number of `{self.id}` is not finite")
         require(bool(self.axes), self, "at least one axis is needed")
 
 

@@ -57,6 +57,8 @@ class ViewSpec:
     every: int = 1
 
     def __post_init__(self) -> None:
+        angles = (self.yaw_deg, self.pitch_deg, self.roll_deg)
+        require(all(map(isfinite, angles)), self, f"an angle of view `{self.name}` is not finite")
         require(0 < self.hfov_deg < 175, self, f"hfov_deg {self.hfov_deg} is not between 0 and 175")
         require(self.width > 1 and self.height > 1, self, "a view needs at least 2x2 pixels")
         require(self.every > 0, self, f"every {self.every} is not positive")
@@ -91,10 +93,17 @@ class ViewPlan:
     for the log and the report.
     """
 
-    views: tuple[ViewSpec, ...]
+    views: tuple[ViewSpec, ...] = ()
     world_from_rig: Floats | None = None
     travel: int = 0
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        require(self.travel in (-1, 0, 1), self, f"travel is {self.travel}, not -1, 0 or 1")
+        if self.world_from_rig is not None:
+            turn = np.asarray(self.world_from_rig)
+            proper = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+            require(proper and bool(np.linalg.det(turn) > 0), self, "world_from_rig is not a rotation (3, 3)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +151,7 @@ class Detection:
             self,
             "mask and probability differ in shape",
         )
+        require(isfinite(self.score), self, "its score is not finite")
 
     @cached_property
     def place(self) -> tuple[slice, slice]:

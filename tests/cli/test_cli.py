@@ -129,7 +129,7 @@ def test_interrupted_says_so(when: str, savmap: Savmap, monkeypatch: pytest.Monk
 
     called = {"mapping": "savmap.cli.mapping.map_and_print", "looking for plugins": "savmap.plugin.manager.installed"}
     monkeypatch.setattr(called[when], interrupted)
-    assert savmap("demo" if when == "mapping" else "unknown") == (130, "", "savmap: interrupted\n")
+    assert savmap("demo" if when == "mapping" else "plugins") == (130, "", "savmap: interrupted\n")
 
 
 def test_terminated_ends_as_interrupted(savmap: Savmap, monkeypatch: pytest.MonkeyPatch) -> None:

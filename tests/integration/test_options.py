@@ -365,7 +365,7 @@ def test_each_option_has_a_case(command: str) -> None:
     words = {word for case in CASES.values() for word in case.command.split() if case.command.split()[0] == command}
     options = [
         {*parameter.opts, *parameter.secondary_opts}
-        for parameter in _command(command).params
+        for parameter in _command(command, {**COMMAND_TABLE, **of_apps()}[command]).params
         if parameter.param_type_name == "option"
     ]
     assert [sorted(names) for names in options if not names & words] == []

@@ -1,11 +1,9 @@
 """A plugin that is installed and cannot be used is listed with the reason; all else works."""
 
 import json
-import logging
 from pathlib import Path
 
 import pytest
-import typer
 
 from savmap.cli.commands.installation import plugin_lines, schema_of
 from savmap.cli.commands.results import export
@@ -79,12 +77,6 @@ def test_a_bare_video_is_mapped_with_the_others_and_a_note(broken: str) -> None:
     assert broken not in names
     assert f"; not {broken}: plugin `{broken}`" in note
     assert REASONS[broken] in note
-
-
-def test_commands_of_others_are_registered_and_it_is_named(broken: str, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING, "savmap-plugins"):
-        manager.register_commands(typer.Typer())
-    assert REASONS[broken] in caplog.text
 
 
 def test_where_it_is_named_it_is_refused(broken: str) -> None:

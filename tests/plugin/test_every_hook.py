@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 
-from savmap.errors import PluginError, PluginFailedError
+from savmap.errors import PluginFailedError
 from savmap.lab import hookspecs as lab_hookspecs
 from savmap.lab.plugins import LabPlugin
 from savmap.lab.scenes import Exposure, Goods, Hall, RandomSection, SceneParts, Site
-from savmap.plugin import hookspecs, manager
+from savmap.plugin import hookspecs
+from savmap.plugin.manager import set_up
 from savmap.types import Score
 
 from .made_up_plugin import ANSWERS, CALLS, THING, loaded
@@ -36,7 +36,7 @@ LAB_ANSWERS: dict[str, Any] = {
     "random_section": RandomSection({}),
     "practice_picture": (np.zeros((480, 640, 3), np.uint8), np.zeros((480, 640), np.uint8)),
 }
-ASK = CALLS | LAB_CALLS | {"register_commands": lambda plugin: plugin.instance.register_commands(typer.Typer())}
+ASK = CALLS | LAB_CALLS
 
 
 def asked(hook: str, answer: object) -> tuple[Any, dict[str, Any]]:
@@ -49,7 +49,7 @@ def asked(hook: str, answer: object) -> tuple[Any, dict[str, Any]]:
     exec(body, scope)
     if hook in LAB_CALLS:
         lab_class = type("MadeUpLab", (), {hook: hookspecs.hookimpl(scope[hook])})
-        return LabPlugin("made-up", *manager.set_up("made-up", lab_class, lab_hookspecs)), given
+        return LabPlugin("made-up", set_up("made-up", lab_class)), given
     return loaded(**{hook: scope[hook]}), given
 
 
@@ -59,7 +59,7 @@ def test_every_hook_is_tested_and_every_test_is_of_a_hook() -> None:
 
 @pytest.mark.parametrize("name", HOOKS)
 def test_a_plugin_is_asked_with_every_argument_and_its_answer_comes_back(name: str) -> None:
-    answer = (ANSWERS | LAB_ANSWERS | {"register_commands": None})[name]
+    answer = (ANSWERS | LAB_ANSWERS)[name]
     plugin, given = asked(name, answer)
     assert ASK[name](plugin) == answer
     assert set(given) == set(inspect.signature(HOOKS[name]).parameters)
@@ -67,7 +67,7 @@ def test_a_plugin_is_asked_with_every_argument_and_its_answer_comes_back(name: s
         assert (given["threshold"], given["thresholds"]) == (0.25, (0.25, 0.25, 0.25))
 
 
-@pytest.mark.parametrize("name", sorted(set(HOOKS) - {"register_commands"}))
+@pytest.mark.parametrize("name", HOOKS)
 def test_an_answer_of_another_type_is_refused_with_the_plugins_name(name: str) -> None:
     with pytest.raises(PluginFailedError, match=f"plugin `made-up` returned int from `{name}`, not ") as caught:
         ASK[name](asked(name, 3)[0])
@@ -83,18 +83,6 @@ def test_hooks_that_a_plugin_leaves_out_have_defaults() -> None:
     assert isinstance(CALLS["evaluate"](plugin), Score)
     assert dict(CALLS["survey_entry"](plugin).values) == {}
     assert asked("scene", SceneParts([], {}))[0].random_section(np.random.default_rng(0), SITE, None) is None
-
-
-def test_a_plugin_that_fails_to_add_its_commands_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken:
-        @staticmethod
-        def register_commands(app: object) -> None:
-            raise RuntimeError("oh")
-
-    monkeypatch.setattr(manager, "installed", lambda: {"broken": None})
-    monkeypatch.setattr(manager, "load_class", lambda name: Broken)
-    with pytest.raises(PluginError, match="plugin `broken` failed in `register_commands`: RuntimeError: oh"):
-        manager.register_commands(typer.Typer())
 
 
 def blocks_of(name: str) -> list[str]:

@@ -27,6 +27,11 @@ def test_a_plugin_that_raises_is_named() -> None:
         plugin.extract_features(VIEW, [], None)
 
 
+def test_a_hook_that_takes_what_it_is_not_given_is_refused() -> None:
+    with pytest.raises(PluginError, match="`track` takes `featurs`, but is given features, facts, attitudes, start"):
+        loaded(track=lambda self, featurs: [])
+
+
 class SpeechlessError(Exception):
     """An error that cannot even say what it is."""
 

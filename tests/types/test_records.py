@@ -12,17 +12,27 @@ import pytest
 import savmap
 from savmap.files.serialization import packed, unpacked
 from savmap.types import (
+    CloseUp,
+    CrossRowLandmark,
     CrossRowMatch,
+    Detection,
+    Drawing,
     Feature,
     FilmedPanorama,
+    FindingTable,
+    FlatParts,
+    FoundObject,
     FrameTable,
     Panorama,
+    PlanePatch,
     Planes,
     RowMap,
     SiteMap,
+    Solid,
     Structure,
     Trajectory,
     View,
+    ViewPlan,
     ViewSpec,
 )
 
@@ -164,3 +174,32 @@ def test_stored_records_come_back_read_only(name: str) -> None:
 def test_view_specs_are_equal_by_value() -> None:
     assert replace(SPEC) == SPEC
     assert len({SPEC, replace(SPEC)}) == 1
+
+
+NAN, MASK = float("nan"), np.ones((6, 8), np.bool_)
+FRONT = PlanePatch("front", np.zeros(3), np.eye(3)[0], np.eye(3)[1], np.ones(2), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("make", "fault"),
+    [
+        (lambda: ViewSpec("up", NAN), "an angle of view `up` is not finite"),
+        (lambda: ViewPlan((SPEC,), 2 * np.eye(3)), "world_from_rig is not a rotation"),
+        (lambda: ViewPlan((SPEC,), travel=2), "travel is 2"),
+        (lambda: Detection("post", NAN, MASK, MASK.astype(np.float32)), "its score is not finite"),
+        (lambda: replace(FRONT, origin=np.full(3, NAN)), "a number of `front` is not finite"),
+        (lambda: replace(FRONT, up=np.eye(3)[0]), "right and up of `front` are not orthonormal"),
+        (lambda: FoundObject("post 1", "post", np.full((3, 3), NAN), 1.0), "a corner of `post 1` is not finite"),
+        (lambda: FlatParts("post 1", "y", (FRONT,)), "`front` is not parallel to the others, across y"),
+        (lambda: FlatParts("post 1", "z", (FRONT,), NAN), "proud_m must be finite"),
+        (lambda: FlatParts("post 1", "z", (FRONT,), 0.0, 0.0), "proud_sigma_m positive"),
+        (lambda: Solid(np.full((3, 3), NAN), np.ones(3), True), "outline or depth is not finite"),
+        (lambda: CrossRowLandmark("post 1", "post", np.full(3, NAN), np.eye(3)), "`post 1` is not finite"),
+        (lambda: Drawing("point", np.full((1, 3), NAN), "mapped", "fixture", "posts"), "a point of `posts`"),
+        (lambda: CloseUp("post 1", "post 1", np.zeros((2, 3))), "it has no width or no height"),
+        (lambda: FindingTable("A table", "A", (), ()), "a name is small letters and -"),
+    ],
+)
+def test_records_refuse_numbers_that_cannot_be(make: Callable[[], object], fault: str) -> None:
+    with pytest.raises(ValueError, match=fault):
+        make()

@@ -1,12 +1,11 @@
 """Settings of the shelves in a site file."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from savmap.files.validation import ClassNames
+from savmap.plugin import PluginSettings
 
 Pitch = Annotated[float, Field(gt=0.3, lt=20)]
 Height = Annotated[float, Field(gt=-1, lt=10)]
@@ -53,16 +52,9 @@ class BayPitch(BaseModel):
     _values_alone = model_validator(mode="before")(_alone("value"))
 
 
-class ShelvesSettings(BaseModel):
+class ShelvesSettings(PluginSettings):
     """Settings of the plugin in a site file."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True, allow_inf_nan=False)
-    model: Path | None = None
-    """Another network's ONNX file."""
-    class_names: ClassNames = {}
-    """What the network's classes (their names, or numbers from 0) are called here, where its own names differ."""
-    threshold: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    """Confidence above which a pixel belongs to a class."""
     weak_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.3
     """Confidence above which it does where nothing nearby is twice as sure."""
     seed_threshold: Annotated[float, Field(gt=0, lt=1)] = 0.75

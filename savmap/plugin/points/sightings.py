@@ -1,6 +1,6 @@
 """From points seen in single frames to tracks of objects: rays put on a level plane, and grouped there."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,6 +15,9 @@ from savmap.vision import peaks
 Mask = NDArray[np.bool_]
 WITHIN = 0.7  # cosine of 45 degrees
 BELOW = (-8.0, -0.3)  # where the floor is looked for, of a path that may be off by any scale
+COARSE_STEP, FINE_STEP, FINE_REACH = 1.01, 1.002, 10  # of the levels that are tried, from height to height
+COARSE, FINE = 0.012, 0.006  # of the height: how near sightings of one object fall there
+NEIGHBOURS = 8
 TOO_FLAT = 0.1  # rays nearly along the face say little of a place on it
 
 
@@ -66,31 +69,44 @@ def sightings(
     return Sightings(kept, frames, poses[:, :3, 3], slopes).where(steep)
 
 
-def gathering_level(seen: Sightings, above_m: tuple[float, float]) -> float:
+def gathering_level(
+    seen: Sightings,
+    above_m: tuple[float, float],
+    kinds: Ints | None = None,
+    allowed: Callable[[float], Mask] | None = None,
+) -> float:
     """The level y, m, at which sightings of different frames fall on one another best, searched between two heights
-    above the camera (negative: below it), coarsely, then finely: of objects at one height that is not known. Paper,
-    section III.D."""
-    base = float(seen.origins[:, 1].mean())
-    above = np.arange(*above_m, 0.05)
-    best = above[np.argmax([_gathering(seen, base + height, 0.03 * height) for height in above])]
-    fine = best + np.arange(-0.1, 0.1001, 0.005)
-    return base + float(fine[np.argmax([_gathering(seen, base + height, 0.015 * height) for height in fine])])
+    above the camera (both negative: below it), coarsely, then finely: of objects at one height that is not known.
+    Paper, section III.D.
 
-
-def _gathering(seen: Sightings, level_m: float, width_m: float) -> float:
-    """How many pairs of sightings, neighbours in x at a level, lie nearer than `width_m` along both axes, softly, each
-    counted by how sure the network was.
-
-    The width must grow with the height that is tried: otherwise the lowest, where all rays are close, always wins.
+    kinds (n,): only sightings of one kind may be of one object. allowed: which of them (n,) may be objects at a level.
+    The tolerance grows with the height that is tried: else the nearest level, where all rays are close, would always
+    have the best score.
     """
-    points, certainty = seen.at(level_m), seen.certainty
-    order = np.argsort(points[:, 0], kind="stable")
-    points, certainty = points[order], certainty[order]
-    total = 0.0
-    for step in (1, 2, 4, 8):
-        near = np.exp(-0.5 * ((points[step:] - points[:-step]) / width_m) ** 2).prod(axis=1)
-        total += float((near * certainty[step:] * certainty[:-step]).sum())
-    return total
+    base = float(seen.origins[:, 1].mean())
+    nearest, furthest = sorted(above_m, key=abs)
+    kinds = np.zeros(len(seen.frames), np.int64) if kinds is None else kinds
+
+    def gathering(above: float, width: float) -> float:
+        """Gaussian weights of the distances between sightings of one kind in different frames, summed over neighbours
+        in x. The sigma is `width` times the height, and twice that along z."""
+        places, total = seen.at(base + above), 0.0
+        near = np.ones(len(places), np.bool_) if allowed is None else allowed(base + above)
+        for kind in np.unique(kinds):
+            chosen = np.flatnonzero(near & (kinds == kind))
+            chosen = chosen[np.argsort(places[chosen, 0], kind="stable")]
+            points, frames, certainty = places[chosen] / (width * above), seen.frames[chosen], seen.certainty[chosen]
+            for step in range(1, min(NEIGHBOURS, len(points) - 1) + 1):
+                distances = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
+                counts = np.exp(-0.5 * distances) * (frames[step:] != frames[:-step])
+                total += float((counts * certainty[step:] * certainty[:-step]).sum())
+        return total
+
+    steps = int(np.log(furthest / nearest) / np.log(COARSE_STEP))
+    above = nearest * COARSE_STEP ** np.arange(steps)
+    best = above[np.argmax([gathering(height, COARSE) for height in above])]
+    fine = best * FINE_STEP ** np.arange(-FINE_REACH, FINE_REACH + 1.0)
+    return base + float(fine[np.argmax([gathering(height, FINE) for height in fine])])
 
 
 def frames_showing(
@@ -168,9 +184,12 @@ def tracks_along_face(
     within `same` are one object. Each pass is aligned with the first one by its first object, so all must see that.
     Raises StructureError where none is seen in `least_frames` frames.
     """
-    placed = [(feature, _bearing(feature, facts, attitudes)) for feature in features if feature.part == anchor]
-    anchors = [feature for feature, bearing in placed if bearing is not None]
-    bearings = np.array([bearing for _, bearing in placed if bearing is not None])
+    of_part = [feature for feature in features if feature.part == anchor]
+    towards = [attitudes[each.frame] @ facts.views[each.view].rig_rays(each.pixels[0]) for each in of_part]
+    rays = np.array(towards).reshape(-1, 3)
+    ahead = rays[:, 2] < -TOO_FLAT
+    anchors = [feature for feature, is_ahead in zip(of_part, ahead, strict=True) if is_ahead]
+    bearings = rays[ahead, 0] / -rays[ahead, 2]  # along the face, in units of the camera's distance
     frames, x = np.array([feature.frame for feature in anchors], np.int64), np.full(len(anchors), np.inf)
     for name in dict.fromkeys(facts.frames.passes):
         numbers = facts.frames.of_pass(name)
@@ -181,13 +200,6 @@ def tracks_along_face(
         x[of_pass] = place - first if len(first) else np.inf
     placed_anchors = np.flatnonzero(np.isfinite(x))
     return _tracks(features, [anchors[k] for k in placed_anchors], x[placed_anchors], same, least_frames)
-
-
-def _bearing(feature: Feature, facts: RowFacts, attitudes: Floats) -> float | None:
-    """How far along the face a point lies from the camera, in units of the camera's distance; None for one that is not
-    before it."""
-    ray = attitudes[feature.frame] @ facts.views[feature.view].rig_rays(feature.pixels[0])
-    return float(ray[0] / -ray[2]) if ray[2] < -TOO_FLAT else None
 
 
 def _positions(bearings: Sequence[Floats], same: float) -> Floats:
@@ -216,18 +228,13 @@ def _tracks(
         seen.setdefault(_instance(feature), []).append(feature)
     tracks: list[Track] = []
     for number, place in enumerate(places, start=1):
-        near = [anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same]
-        parts = [feature for anchor in near for feature in seen[_instance(anchor)]]
-        tracks += [track_of(number, part, group) for part, group in _by_part(parts)]
+        parts: dict[str, list[Feature]] = {}
+        for anchor in (anchor for anchor, at in zip(anchors, x, strict=True) if abs(at - place) <= same):
+            for feature in seen[_instance(anchor)]:
+                parts.setdefault(feature.part, []).append(feature)
+        tracks += [track_of(number, part, group) for part, group in parts.items()]
     return tracks
 
 
 def _instance(feature: Feature) -> tuple[int, str, int]:
     return feature.frame, feature.view, feature.instance
-
-
-def _by_part(features: Iterable[Feature]) -> list[tuple[str, list[Feature]]]:
-    groups: dict[str, list[Feature]] = {}
-    for feature in features:
-        groups.setdefault(feature.part, []).append(feature)
-    return list(groups.items())

@@ -139,7 +139,8 @@ def score_points(
     mapped = np.array([points(structure) for structure in structures]).reshape(-1, *truth.shape[1:])
     separations = np.linalg.norm(truth[:, None] - mapped[None], axis=-1)
     pairs = matched(separations.max(axis=-1, initial=0.0), gate_m)
-    wanted, inside = (_between(points, ends_x) for points in (truth, mapped))
+    middles_x = [points[..., 0].mean(axis=1) for points in (truth, mapped)]
+    wanted, inside = ((x >= ends_x[0]) & (x <= ends_x[1]) for x in middles_x)
     wanted &= np.ones(len(truth), np.bool_) if asked is None else asked
     hits = {j: separations[i, j] for i, j in pairs.items() if wanted[i]}
     spurious = [j for j in range(len(mapped)) if inside[j] and j not in pairs.values()]
@@ -149,13 +150,6 @@ def score_points(
     return Score(
         distances={heading: Distances(distances, int(wanted.sum()) - len(hits), len(spurious))}, deviations=deviations
     )
-
-
-def _between(points: Floats, ends_x: tuple[float, float]) -> Mask:
-    """Which objects (n, k, 3) have their middle between two x."""
-    x = points[..., 0].mean(axis=1)
-    between: Mask = (x >= ends_x[0]) & (x <= ends_x[1])
-    return between
 
 
 def draw_points(

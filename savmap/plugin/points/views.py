@@ -1,6 +1,6 @@
 """Which way a plugin of points looks, and which points of a mask are points of an object."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from savmap.errors import StructureError
 from savmap.geometry.pinhole import angles_from_rotation
 from savmap.types import Detection, Feature, Floats, Panorama, View, ViewPlan, ViewSpec
-from savmap.vision.view_planning import Face, Manual, PassPreview, choose_face, face_at, fit_count, fit_height
+from savmap.vision.view_planning import Manual, PassPreview, choose_face, face_at, fit_count, fit_height
 
 Mask = NDArray[np.bool_]
 BORDER_PX = 2
@@ -34,19 +34,26 @@ def face_view_plan(
     the plugin locates the camera. The plan then has the face's attitude and the direction of travel, and StructureError
     is raised where nothing is detected.
     """
+
+    def covered(spec: ViewSpec, panorama: Panorama) -> float:
+        return float(sum(detection.mask.mean() for detection in predict(pass_preview.view(panorama, spec))))
+
+    def rows(view: View) -> tuple[float, float] | None:
+        masks = [detection.mask for detection in predict(view) if detection.mask.any()]
+        spans = [np.flatnonzero(mask.any(axis=1))[[0, -1]] for mask in masks]
+        return (float(min(top for top, _ in spans)), float(max(low for _, low in spans))) if spans else None
+
     try:
-        face = face_at(attitude) if attitude is not None else face_with_most(pass_preview, predict, side)
-        fitted = fit_height(pass_preview, face, lambda view: rows_of(predict(view)), manual.get(name, Manual()), name)
+        face = face_at(attitude) if attitude is not None else choose_face(pass_preview, covered, side)
+        fitted = fit_height(pass_preview, face, rows, manual.get(name, Manual()), name)
     except StructureError as error:
         if finds_face:
             raise
         return ViewPlan((), notes=(f"{name}: {error}",))
     notes = (fitted.warning,) if fitted.warning else ()
-    return (
-        ViewPlan((fitted.spec,), face.world_from_rig, face.travel, notes)
-        if finds_face
-        else ViewPlan((fitted.spec,), notes=notes)
-    )
+    if not finds_face:
+        return ViewPlan((fitted.spec,), notes=notes)
+    return ViewPlan((fitted.spec,), face.world_from_rig, face.travel, notes)
 
 
 def count_view_plan(
@@ -78,23 +85,6 @@ def count_view_plan(
         part = fit_count(pass_preview, spec, lambda view: len(predict(view)), 1, manual=by_hand)
         fitted = fitted if part.warning else replace(fitted, spec=part.spec)
     return ViewPlan((fitted.spec,), notes=(fitted.warning,) if fitted.warning else ())
-
-
-def face_with_most(
-    pass_preview: PassPreview, predict: Callable[[View], list[Detection]], side: Literal["left", "right"] | None
-) -> Face:
-    """The level direction whose views are covered most by masks. Raises StructureError where there are none."""
-
-    def share(spec: ViewSpec, panorama: Panorama) -> float:
-        return float(sum(detection.mask.mean() for detection in predict(pass_preview.view(panorama, spec))))
-
-    return choose_face(pass_preview, share, side)
-
-
-def rows_of(detections: Sequence[Detection]) -> tuple[float, float] | None:
-    """The top and the bottom row of all masks in a view, px; None without any."""
-    spans = [np.flatnonzero(detection.mask.any(axis=1))[[0, -1]] for detection in detections if detection.mask.any()]
-    return (float(min(top for top, _ in spans)), float(max(low for _, low in spans))) if spans else None
 
 
 def touches_border(mask: Mask) -> bool:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from savmap.errors import PluginFailedError
-from savmap.lab import hookspecs
 from savmap.lab.adapt import practice
 from savmap.lab.plugins import LabPlugin
 from savmap.lab.sim.dataset import Sample
@@ -22,7 +21,7 @@ def install(monkeypatch: pytest.MonkeyPatch, paint: Callable[..., Sample] | None
     lab_class = type(
         "PostsLab", (), {"practice_picture": hookimpl(paint), "network_classes": ("post",)} if paint else {}
     )
-    monkeypatch.setattr(practice, "lab_plugin", lambda name: LabPlugin(name, *set_up(name, lab_class, hookspecs)))
+    monkeypatch.setattr(practice, "lab_plugin", lambda name: LabPlugin(name, set_up(name, lab_class)))
 
 
 def grey(self: object) -> Sample:

@@ -4,15 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from savmap.plugin import Bools, Floats, Ints, Sightings, StructureError
+from savmap.plugin import Bools, Floats, Ints, Sightings, StructureError, gathering_level
 from savmap.vision import peaks
 
 HEIGHTS_M = (0.5, 20.0)
-FINE_STEP, COARSE_STEP = 1.002, 1.01
-COARSE, FINE = 0.012, 0.006
-FINE_REACH = 10
+SAME = 0.024
+"""Of the height: how near marks of one lamp fall there."""
 NEAR_M = 2.5
-NEIGHBOURS = 8
 SAME_LINE_M = 0.4
 LEAST_OF_BEST = 0.25
 LEAST_FRAMES = 3
@@ -67,36 +65,8 @@ def marks_of(sightings: Sightings) -> Marks:
 
 
 def level_of(marks: Marks) -> float:
-    """The height, m, at which marks of one kind in different frames coincide best. The search above the camera is
-    coarse, then fine.
-
-    The tolerance grows with the height tried: else the lowest height, where all rays are close, would always have the
-    best score.
-    """
-    base = float(marks.sightings.origins[:, 1].mean())
-    steps = int(np.log(HEIGHTS_M[1] / HEIGHTS_M[0]) / np.log(COARSE_STEP))
-    above = HEIGHTS_M[0] * COARSE_STEP ** np.arange(steps)
-    best = above[np.argmax([_gathering(marks, base, height, COARSE) for height in above])]
-    fine = best * FINE_STEP ** np.arange(-FINE_REACH, FINE_REACH + 1.0)
-    return base + float(fine[np.argmax([_gathering(marks, base, height, FINE) for height in fine])])
-
-
-def _gathering(marks: Marks, base: float, above: float, width: float) -> float:
-    """The score of a height: Gaussian weights of the distances between marks of one kind in different frames, summed
-    over pairs. The sigma is `width` times the height."""
-    places = marks.sightings.at(base + above)
-    near = over_aisle(marks, base + above)
-    total = 0.0
-    for kind in np.unique(marks.kind):
-        chosen = near & (marks.kind == kind)
-        order = np.argsort(places[chosen, 0], kind="stable")
-        points, frames = places[chosen][order] / (width * above), marks.sightings.frames[chosen][order]
-        certainty = marks.sightings.certainty[chosen][order]
-        for step in range(1, min(NEIGHBOURS, len(points) - 1) + 1):
-            distances = np.square(points[step:] - points[:-step]) @ np.array([1.0, 0.25])
-            counts = np.exp(-0.5 * distances) * (frames[step:] != frames[:-step])
-            total += float((counts * certainty[step:] * certainty[:-step]).sum())
-    return total
+    """The height, m, at which marks of one kind over the aisle fall on one another best."""
+    return gathering_level(marks.sightings, HEIGHTS_M, marks.kind, lambda level_m: over_aisle(marks, level_m))
 
 
 def over_aisle(marks: Marks, level_m: float) -> Bools:
@@ -112,9 +82,9 @@ def line_of(marks: Marks, level_m: float) -> float:
 
     Raises StructureError where there is none."""
     places, above = marks.sightings.at(level_m), level_m - float(marks.sightings.origins[:, 1].mean())
-    weight = np.minimum(_partners(marks, places, 2 * COARSE * above), 10) * marks.sightings.certainty
+    weight = np.minimum(_partners(marks, places, SAME * above), 10) * marks.sightings.certainty
     z = marks.sideways(level_m)
-    weight[(_partners(marks, places, 2 * COARSE * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
+    weight[(_partners(marks, places, SAME * above) < LEAST_FRAMES - 1) | ~over_aisle(marks, level_m)] = 0.0
     firm = z[weight > 0]
     lines = peaks.peaks(firm, SAME_LINE_M, LEAST_FRAMES)
     if not len(lines):
