@@ -25,7 +25,6 @@ SHORT.maxstring = SHORT.maxother = 80
 SHORT.maxlevel = 2
 UNITS = ("m", "mm", "cm", "s", "ms", "deg", "rad", "px", "fps")
 PLAIN = re.compile(r"\s*[+-]?\d+\s*")
-CLOCK = re.compile(r"\s*(?:(\d+):)?(\d+):(\d+(?:\.\d+)?)\s*")
 SECTION = "a section with keys is expected"
 KINDS = {
     "float": "a number is expected",
@@ -169,13 +168,10 @@ def _words(problem: "ErrorDetails", kinds: list[Any]) -> str:
         return "text is expected: put it in quotation marks"
     if isinstance(given, str) and KINDS[kind[1]] == SECTION and (parts := unspaced(given)):
         return space_needed(*parts)
-    if isinstance(given, str) and kind[1] in MAY_BE_NUMBERS:
-        if not PLAIN.fullmatch(given) and (numbers := readings(given.strip())):
-            written = " or ".join(dict.fromkeys(f"{numbers[mark]:.12g}" for mark in (",", ".") if mark in numbers))
-            return f"a decimal point is expected: {written}"
-        if clock := CLOCK.fullmatch(given):
-            seconds = 3600 * int(clock[1] or 0) + 60 * int(clock[2]) + float(clock[3])
-            return f"a plain number is expected: write {seconds:.12g}"
+    numbers = readings(given.strip()) if isinstance(given, str) and not PLAIN.fullmatch(given) else {}
+    if numbers and kind[1] in MAY_BE_NUMBERS:
+        written = " or ".join(dict.fromkeys(f"{numbers[mark]:.12g}" for mark in (",", ".") if mark in numbers))
+        return f"a decimal point is expected: {written}"
     return KINDS[kind[1]] + (_keys_of_section(given, kinds) if kind[1] == "model" else "")
 
 

@@ -135,7 +135,10 @@ def inspect(
     pictures tell what is behind the faces; default: the one that the map is read from. Raises SiteError for limits that
     are wrong, OutputError for a file that cannot be read, PluginError for a plugin that fails.
     """
-    inspected = _map_of(site_map)
+    inspected, plan = _map_of(site_map), drawing
+    if plan is not None and not isinstance(plan, Survey):
+        path = where(plan)
+        plan = read_survey(path) if path.suffix.lower() == ".json" else import_survey(path, inspected).survey
     if folder is None and not isinstance(site_map, SiteMap):
         folder = map_in(where(site_map)).parent
     depths_of = partial(kept_depths, where(folder)) if folder is not None else lambda _: None
@@ -143,15 +146,7 @@ def inspect(
         given, named = limits_of(limits or {}), "limits"
     else:
         given, named = load_limits(where(limits)), str(where(limits))
-    return inspect_map(inspected, given, _survey_of(drawing, inspected), named, depths_of)
-
-
-def _survey_of(source: PathLike | Survey | None, site_map: SiteMap) -> Survey | None:
-    """A survey, that of a file, or that of a table, drawing or model whose rows the map places."""
-    if source is None or isinstance(source, Survey):
-        return source
-    path = where(source)
-    return read_survey(path) if path.suffix.lower() == ".json" else import_survey(path, site_map).survey
+    return inspect_map(inspected, given, plan, named, depths_of)
 
 
 def align(site_map: SiteMap | PathLike, places: PathLike, tell: Callable[[str], None] | None = None) -> SiteMap:

@@ -125,7 +125,10 @@ class RunClock:
             usual = FrameCost(*np.mean([astuple(cost) for cost in timed.values()], axis=0).tolist())
             costs = [(group, timed.get(id(group), usual)) for group in self.groups.values()]
             left = [self._left_s(group, cost) for group, cost in costs if not group.done]
-        return _makespan_s(left, workers) + sum(cost.drawn_s(group.walk.frames) for group, cost in costs)
+        busy = [0.0] * workers
+        for seconds in sorted(left, reverse=True):  # to the worker that is free first
+            heapq.heapreplace(busy, busy[0] + seconds)
+        return max(busy) + sum(cost.drawn_s(group.walk.frames) for group, cost in costs)
 
     def _left_s(self, group: _Group, cost: FrameCost) -> float:
         """Of a group that is not done: never nothing."""
@@ -150,11 +153,6 @@ class RunClock:
             ticks.append((time.monotonic(), processor_s))
             group.over_s = None
 
-    def walk_ends(self, group: _Group) -> None:
-        """What follows is timed from here."""
-        with self._lock:
-            group.over_s = time.monotonic()
-
     @contextmanager
     def reported(self, workers: int) -> Iterator[None]:
         """While this lasts, the monitor is told how long the rest will take."""
@@ -174,14 +172,6 @@ class RunClock:
             thread.join()
 
 
-def _makespan_s(tasks_s: Iterable[float], workers: int) -> float:
-    """Of tasks that are given to the worker that is free first, the longest ones first."""
-    busy = [0.0] * workers
-    for seconds in sorted(tasks_s, reverse=True):
-        heapq.heapreplace(busy, busy[0] + seconds)
-    return max(busy)
-
-
 class _TaskMonitor:
     """The monitor of one task, whose frames are counted."""
 
@@ -192,7 +182,7 @@ class _TaskMonitor:
         for item in self.clock.monitor.each(items, doing, total):
             yield item
             self.clock.step(self.group, self.processor_s())
-        self.clock.walk_ends(self.group)
+        self.group.over_s = time.monotonic()  # what follows is timed from here
 
     def note(self, line: str) -> None:
         self.clock.monitor.note(line)

@@ -12,7 +12,7 @@ from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file, kind_of_text
 from savmap.files.texts import bounded_text, head_of, is_text
-from savmap.files.urls import in_folder, likely, on_disk
+from savmap.files.urls import in_folder
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
@@ -193,7 +193,7 @@ def _read(path: Path, what: str) -> str:
         return bounded_text(path, yaml_text.MOST_MB)
     except FileNotFoundError:
         advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: no such {what}{likely(path) or advice}") from None
+        raise SiteError(f"{path}: no such {what}{advice}") from None
     except OSError as error:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except ValueError as error:
@@ -241,7 +241,7 @@ def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[st
     """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
     return {
         name: {
-            key: str(on_disk(folder / value)) if key == "model" and isinstance(value, str) else value
+            key: str(folder / value) if key == "model" and isinstance(value, str) else value
             for key, value in settings.items()
         }
         for name, settings in plugins.items()

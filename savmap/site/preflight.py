@@ -1,6 +1,6 @@
 """What can be known to be wrong with a job before anything is mapped: each check gives all the problems it finds."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -30,7 +30,7 @@ from savmap.site.locations import SourceMap, explained, misspelt
 from savmap.site.model import MIN_FRAMES, Pass, Site, pass_names
 from savmap.site.references import misnamed
 from savmap.site.sections import CameraSection, ReferenceSection
-from savmap.video.clip import Clip, VideoInfo, time_range, too_few
+from savmap.video.clip import VideoInfo, time_range, too_few
 from savmap.video.reader import check_camera, expected_frames, probe_clip
 from savmap.vision.markers import MarkerTracker
 
@@ -74,23 +74,24 @@ def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
 
 
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
-    """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do
-    so. A row that its camera sees in part needs none: it has a unit of its own."""
+    """Whether anything is given that might fix a row's scale: a reference, or one of a plugin's `scale_settings` (any
+    setting where it does not name them). A row that its camera sees in part needs none: it has a unit of its own."""
     if any(row_pass.clip.camera is not None for row_pass in site.rows[row].passes):
         return True
     given = site.row_references(row)
-    settings = any(_scale_settings(site.plugin_config(row, name), name) for name in plugins)
-    return settings or bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)
-
-
-def _scale_settings(config: Mapping[str, Any], plugin: str) -> bool:
-    """Whether any of a plugin's `scale_settings`, or any setting where it does not name them, is given."""
-    named = getattr(load_class(plugin), "scale_settings", config)
-    return any(config.get(key) is not None for key in named)
+    for name in plugins:
+        config = site.plugin_config(row, name)
+        if any(config.get(key) is not None for key in getattr(load_class(name), "scale_settings", config)):
+            return True
+    return bool(given.camera_height_m or given.lengths or given.markers or len(given.points) > 1)
 
 
 class Question(str):
     """What may be meant, and is more likely wrong."""
+
+
+class Unchecked(str):
+    """What is checked once something is put right."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,21 @@ def require_ready(job: Job) -> None:
     for too few frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that
     cannot be read.
     """
-    settings = settings_problems(job.site, job.plugins, job.places)
-    checks = (earlier_map(job), footage(job), networks(job, named=True), references(job), survey(job))
-    for problem in chain(settings, *checks):
-        if isinstance(problem, SavmapError):
-            raise problem
+    for finding in findings(job, named=True):
+        if isinstance(finding, SavmapError):
+            raise finding
+
+
+def findings(job: Job, named: bool = False) -> Iterator[SavmapError | Footage | str]:
+    """All that is found, in the order in which it is quickly told. `named`: of networks only those that the site file
+    names."""
+    wrong = list(settings_problems(job.site, job.plugins, job.places))
+    yield from chain(wrong, earlier_map(job), footage(job))
+    if wrong:
+        text = "networks, references and views are checked once the plugins' settings are put right"
+        yield Unchecked(f"{job.source}: {text}")
+    else:
+        yield from chain(networks(job, named), references(job), questions(job), survey(job))
 
 
 def with_location(error: SavmapError, places: SourceMap, location: Location) -> SavmapError:
@@ -170,15 +181,10 @@ def earlier_map(job: Job) -> Iterator[SavmapError]:
     except OutputError as error:
         yield SiteError(f"--against: {error}" + ("" if job.against.is_file() else "; give a map.json or its folder"))
         return
-    if _is_within(job.against, job.output):
+    if job.against.resolve().parent == job.output.resolve():
         yield SiteError(f"--against: {job.against}: lies where this run writes its map; choose another -o")
     if job.against_row is not None and job.against_row not in rows:
         yield SiteError(f"--row {job.against_row}: {job.against} has no such row; it has {', '.join(rows)}")
-
-
-def _is_within(file: Path, folder: Path) -> bool:
-    """Whether a file lies in a folder, which need not be there."""
-    return not is_url(file) and not is_url(folder) and file.resolve().parent == folder.resolve()
 
 
 def questions(job: Job) -> Iterator[Question]:
@@ -264,22 +270,19 @@ def footage(job: Job) -> Iterator[SavmapError | Footage]:
     probed: dict[tuple[Path, CameraSection | None], VideoInfo | SavmapError] = {}
     for row, section in job.site.rows.items():
         for number, (name, row_pass) in enumerate(zip(pass_names(section.passes), section.passes, strict=True)):
-            info = probed.setdefault((row_pass.video, row_pass.camera), _probed(row_pass.clip))
+            if (video := (row_pass.video, row_pass.camera)) not in probed:
+                try:
+                    probed[video] = facts = probe_clip(row_pass.clip)
+                    check_camera(row_pass.clip, facts)
+                except (VideoError, SiteError) as error:
+                    probed[video] = error
+            info = probed[video]
             at: Location = ("rows", row, "passes", number)
             yield (
                 _footage(job, Footage(row, name, at, row_pass, info, 0))
                 if isinstance(info, VideoInfo)
                 else with_location(info, job.places, (*at, "video"))
             )
-
-
-def _probed(clip: Clip) -> VideoInfo | SavmapError:
-    try:
-        info = probe_clip(clip)
-        check_camera(clip, info)
-    except (VideoError, SiteError) as error:
-        return error
-    return info
 
 
 def _footage(job: Job, part: Footage) -> SavmapError | Footage:

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from savmap.cli.app import _command, app
 from savmap.errors import ChangedError, MustCheckError, NothingComparedError
 from savmap.files import journal
-from savmap.jobs.cache import _FrameParts
+from savmap.files.journal import Journal
 from savmap.live import session
 from savmap.live.session import LiveMapping
 from savmap.live.sources import live_job
@@ -66,7 +66,7 @@ ESTIMATE = re.compile(r"\babout .* (s|min|MB)\b")
 
 @dataclass(frozen=True)
 class Run:
-    """What a command wrote, its exit code, what it printed, and how many parts of frames it kept at most."""
+    """What a command wrote, its exit code, what it printed, and how many times it kept frames."""
 
     out: Path
     code: int
@@ -115,16 +115,16 @@ class Names:
 
 
 def here(words: list[str], out: Path) -> Run:
-    """A command in this process, which keeps each frame in a part of its own."""
-    parts, save = [0], _FrameParts.save
+    """A command in this process, which keeps each frame at once."""
+    parts, flush = list[Journal](), Journal.flush
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(journal, "KEEP_S", 0.0)
-        patch.setattr(_FrameParts, "save", lambda kept, part, content: (parts.append(part), save(kept, part, content)))
+        patch.setattr(Journal, "flush", lambda kept: (parts.append(kept), flush(kept)))
         patch.setattr(session, "PREVIEWED", 5)
         result = CliRunner().invoke(app, words)
     if result.exception is not None and not hasattr(result.exception, "exit_code") and result.exit_code != 0:
         raise result.exception
-    return Run(out, getattr(result.exception, "exit_code", result.exit_code), result.output, max(parts))
+    return Run(out, getattr(result.exception, "exit_code", result.exit_code), result.output, len(parts))
 
 
 def apart(words: list[str], out: Path) -> Run:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from savmap.errors import MustCheckError
-from savmap.jobs.executors import ProcessExecutor
+from savmap.jobs.executors import in_processes
 from savmap.live.mapper import Mapper
 from savmap.maps.imports import model
 
@@ -65,9 +65,7 @@ def as_module(*arguments: str, folder: Path) -> str:
 
 
 def test_workers_run_no_module_of_the_working_folder(folder: Path) -> None:
-    executor = ProcessExecutor(1)
-    executor.submit("one", operator.mul, 2, 21)
-    assert dict(executor.results()) == {"one": 42}
+    assert dict(in_processes({"one": (operator.mul, (2, 21))}, 1)) == {"one": 42}
 
 
 def test_the_live_mapper_runs_no_module_of_the_working_folder(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
