@@ -55,6 +55,8 @@ class Journal:
     def _opened(self, file: Path | None, is_reader: bool) -> sqlite3.Connection:
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
+            if file.is_symlink():
+                file.unlink()
         kept = sqlite3.connect(file or "", LOCKED_S, check_same_thread=False)
         kept.execute(TABLE)
         if not is_reader:

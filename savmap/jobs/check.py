@@ -14,13 +14,13 @@ from savmap.errors import ModelError, SavmapError, SiteError, StructureError, Vi
 from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
-from savmap.jobs.preview import picture_name, write_views
+from savmap.jobs.preview import planned, write_views
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
 from savmap.pipeline.drive import RowWalk, drive_along, require_path
 from savmap.pipeline.path import warnings_held_back
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.view_plans import PassPlan, looked_at, plan_shown
+from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins, plugins_for
@@ -30,7 +30,6 @@ from savmap.site.preflight import Footage, Question, Unchecked, with_location
 from savmap.types.progress import Monitor
 from savmap.video.clip import missing_s
 from savmap.video.reader import preview_frames, sampling_fps
-from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
 Item = TypeVar("Item")
@@ -128,17 +127,8 @@ def _previewed(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator
             yield error
 
 
-Planned = tuple[RowRequest, PassPlan]
-Plans = dict[tuple[object, ...], Planned]
+Plans = dict[tuple[object, ...], tuple[RowRequest, PassPlan]]
 """How a run looks at a pass of each kind of footage."""
-
-
-def _planned(job: Job, part: Footage) -> tuple[Planned, PassPreview]:
-    """How a run looks at a pass, and the pictures by which that was chosen. Raises SavmapError's kinds."""
-    request = replace(request_for(job, part.row), passes=(part.row_pass,))
-    row_pass, shown, walk = looked_at(part.row_pass, Renderer())
-    attitude = request.attitudes.get(part.name)
-    return (request, plan_shown(part.name, row_pass, request.plugins, shown, attitude, walk)), shown
 
 
 def _preview(job: Job, part: Footage, pictures: bool, plans: Plans) -> Iterator[SavmapError | str]:
@@ -150,12 +140,11 @@ def _preview(job: Job, part: Footage, pictures: bool, plans: Plans) -> Iterator[
         if plugins and all(plugin.needs_path for plugin in plugins) and job.earlier is None:
             require_path(part.row, plugins[0], None)
         if pictures:
-            planned, shown = _planned(job, part)
-            plans.setdefault(_kind(job, part), planned)
-            path = job.output / picture_name(part.row, part.name)
-            write_views(path, planned[1], shown)
+            request = replace(request_for(job, part.row), passes=(part.row_pass,))
+            plan, shown = planned(part.name, part.row_pass, request.plugins, request.attitudes.get(part.name))
+            plans.setdefault(_kind(job, part), (request, plan))
             keys, pairs = shown.keys, shown.pairs
-            remark += f", views in {path}"
+            remark += f", views in {write_views(part.row, job.output, plan, shown)}"
         else:
             keys, pairs = preview_frames(row_pass.clip)
     except SavmapError as error:
@@ -219,7 +208,13 @@ def resource_estimate(job: Job, footage: Sequence[Footage], plans: Plans) -> Res
     for part in footage:
         kind = _kind(job, part)
         if kind not in costs:
-            costs[kind] = _cost(job, part, plans.get(kind) or _planned(job, part)[0])
+            if kind not in plans:
+                request = replace(request_for(job, part.row), passes=(part.row_pass,))
+                plans[kind] = (
+                    request,
+                    planned(part.name, part.row_pass, request.plugins, request.attitudes.get(part.name))[0],
+                )
+            costs[kind] = _cost(job, part, *plans[kind])
     parts = [(part.frames, *costs[_kind(job, part)]) for part in footage]
     return ResourceEstimate(
         sum(frames for frames, _, _ in parts),
@@ -245,10 +240,10 @@ def _kind(job: Job, part: Footage) -> tuple[object, ...]:
     return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.rate, models, extras
 
 
-def _cost(job: Job, part: Footage, planned: Planned) -> tuple[FrameCost, float]:
+def _cost(job: Job, part: Footage, request: RowRequest, plan: PassPlan) -> tuple[FrameCost, float]:
     """Measure the first frames of a pass as a run does: what a frame takes, and bytes a frame of what is kept of it.
     Whether they show a row does not matter."""
-    probe, (request, plan) = ProbeMonitor(), planned
+    probe = ProbeMonitor()
     request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
     with warnings_held_back():  # of a few frames, which show a part of the row
         walk = RowWalk((request, plan), SegmenterPool(request.plugins), Renderer(), Journal())

@@ -88,8 +88,8 @@ def map_rows_of(
         raise next(iter(progress.failed.values()))
     maps = {name: unpacked(progress.solved[name], RowMap) for name in job.site.rows if name in progress.solved}
     for name, row in maps.items():
-        kept = SOLVED not in progress.seconds.get(name, {})
-        for note in [str(text) for key, text in row.report.items() if kept and key.startswith(tasks.NOTE)]:
+        is_new = name in progress.runs and SOLVED in progress.runs[name].seconds
+        for note in [str(text) for key, text in row.report.items() if not is_new and key.startswith(tasks.NOTE)]:
             monitor.note(f"row {name}: {note.removeprefix(f'row {name}: ')}")
     runs = {name: progress.row_run(name, maps.get(name)) for name in job.site.rows}
     failed = {name: progress.failed[name] for name in job.site.rows if name in progress.failed}
@@ -109,9 +109,9 @@ def groups_of(job: Job) -> Sequence[Group]:
 
 @dataclass(eq=False)
 class _Progress:
-    """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, by row, the plugins
-    that failed in it. `wants_pictures`: whether pictures are made. `is_here`: whether tasks are run on this machine,
-    where what is measured in single frames is kept. `solved_by`: the keys of groups' maps, as they were
+    """How far the rows are: cache keys, maps and pictures, the errors of rows that failed, and, of rows in which
+    something was done, what that was. `wants_pictures`: whether pictures are made. `is_here`: whether tasks are run on
+    this machine, where what is measured in single frames is kept. `solved_by`: the keys of groups' maps, as they were
     when the work on them began. `earlier`: by row, what an earlier run kept of it."""
 
     job: Job
@@ -127,9 +127,7 @@ class _Progress:
     solved: dict[str, bytes] = field(default_factory=dict)
     pictures: dict[str, tasks.RowPicture] = field(default_factory=dict)
     failed: dict[str, SavmapError] = field(default_factory=dict)
-    seconds: dict[str, dict[str, float]] = field(default_factory=dict)
-    peak_mb: dict[str, float] = field(default_factory=dict)
-    plugins_failed: dict[str, Mapping[str, str]] = field(default_factory=dict)
+    runs: dict[str, RowRun] = field(default_factory=dict)
 
     def begin(self, group: Group) -> Task | None:
         """Use what an earlier run kept of a group; the task that works out the rest, if there is any."""
@@ -161,10 +159,8 @@ class _Progress:
         """Keep what a task gave of its rows. What is not whole is not kept: where a plugin failed, it is tried again
         next time."""
         if isinstance(result, WorkerCrashedError):
-            what = (
-                "its process ended before it was mapped: out of memory, killed, crashed, or plugin_timeout_s in a hook"
-            )
-            failure = tasks.Failure(SavmapError(what))
+            why = "out of memory, killed, crashed, or plugin_timeout_s in a hook"
+            failure = tasks.Failure(SavmapError(f"its process ended before it was mapped: {why}"))
             result = tasks.TaskResult({name: tasks.RowRecords(failure=failure) for name in group})
         if isinstance(result, BaseException):
             raise result
@@ -178,9 +174,12 @@ class _Progress:
             if is_other and self.job.against is not None:
                 text = f"--against: {self.job.against} was changed while row {name} was mapped; run it again"
                 records = replace(records, solved=None, pictured=None, failure=tasks.Failure(SiteError(text)))
-            self.plugins_failed[name] = records.plugins_failed
-            self.seconds[name] = {stage: round(spent / len(group), 3) for stage, spent in done.seconds.items()}
-            self.peak_mb[name] = round(done.peak_mb, 1)
+            self.runs[name] = RowRun(
+                status="mapped" if {MEASURED, SOLVED}.intersection(done.seconds) else "kept",
+                seconds={stage: round(spent / len(group), 3) for stage, spent in done.seconds.items()},
+                peak_mb=round(done.peak_mb, 1),
+                plugins_failed=dict(records.plugins_failed),
+            )
             if not records.plugins_failed:
                 self._save(name, records, self.solved_by[group])
             if records.failure is not None:
@@ -194,17 +193,10 @@ class _Progress:
 
     def row_run(self, name: str, row: RowMap | None) -> RowRun:
         """What was done with a row, for run.json."""
-        seconds = self.seconds.get(name, {})
+        run = self.runs.get(name, RowRun(status="kept"))
         if row is None:
-            return RowRun(status="failed", error=str(self.failed[name]), seconds=seconds)
-        return RowRun(
-            status="mapped" if {MEASURED, SOLVED}.intersection(seconds) else "kept",
-            seconds=seconds,
-            used=len(row.frames),
-            skipped=row.skipped,
-            peak_mb=self.peak_mb.get(name, 0.0),
-            plugins_failed=dict(self.plugins_failed.get(name, {})),
-        )
+            return RowRun(status="failed", error=str(self.failed[name]), seconds=run.seconds)
+        return run.model_copy(update={"used": len(row.frames), "skipped": row.skipped})
 
     def kept(self) -> str:
         """What a second run will not do again, in words; "" where nothing is kept."""

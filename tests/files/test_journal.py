@@ -123,6 +123,13 @@ def test_forgotten_records_are_gone(kept: Path) -> None:
     assert list(kept.parent.iterdir()) == []
 
 
+def test_nothing_is_written_through_a_link(kept: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(kept)
+    with Journal(tmp_path / "link", "other") as journal:
+        journal.add("walk", 4, SECOND)
+    assert records(kept)[0] == FIRST
+
+
 def test_a_file_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
     (tmp_path / "row").touch()
     with pytest.raises(OutputError, match=r"frames: cannot be opened"):

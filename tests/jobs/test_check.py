@@ -12,6 +12,7 @@ import pytest
 from savmap import demo
 from savmap.errors import ModelError, PluginError, SavmapError, StructureError
 from savmap.jobs import check as checking
+from savmap.jobs import preview as previewing
 from savmap.jobs.check import FRAMES, CheckError, ResourceEstimate, check, duration, resource_estimate
 from savmap.pipeline.drive import RowWalk
 from savmap.pipeline.view_plans import PassPlan
@@ -274,8 +275,8 @@ def without_networks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Views are chosen without a look at pictures."""
     keys = tuple(Panorama(n, float(n), np.full((64, 128, 3), 90, np.uint8)) for n in range(5))
     preview = PassPreview(keys, (), Renderer(), np.eye(3))
-    monkeypatch.setattr(checking, "looked_at", lambda row_pass, _: (row_pass, preview, None))
-    monkeypatch.setattr(checking, "plan_shown", aimed)
+    monkeypatch.setattr(previewing, "looked_at", lambda row_pass, _: (row_pass, preview, None))
+    monkeypatch.setattr(previewing, "plan_shown", aimed)
 
 
 @pytest.mark.usefixtures("without_networks")

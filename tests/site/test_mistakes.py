@@ -205,7 +205,7 @@ def test_no_message_names_parts_of_the_program(tmp_path: Path, at: Location) -> 
         ("{shelves: {bay_pitch_m:2.7}}", "write `bay_pitch_m: 2.7`"),
         ("{shelves: {bay_pitch_m: }}", "`plugins.shelves.bay_pitch_m`: it has no value"),
         ("{shelves: {bay_pitch_m: {values: }}}", "unknown key `plugins.shelves.bay_pitch_m.values`"),
-        ("{shelves: {every: 1:30}}", "`plugins.shelves.every`: a number is expected (it is '1:30')"),
+        ("{shelves: {every: 1:30}}", "`plugins.shelves.every`: a whole number is expected (it is '1:30')"),
         ("{shelves: false}", "`plugins.shelves`: a section with keys is expected (it is False)"),
     ],
 )
