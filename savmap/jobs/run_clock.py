@@ -74,12 +74,11 @@ class Walk:
 
 @dataclass(eq=False)
 class _Group:
-    """How far rows are that are mapped together: whether they are done, when a task began with them, how many frames
-    were walked, and since when the walk is over."""
+    """How far rows are that are mapped together: whether they are done, how many frames were walked, and since when the
+    walk is over."""
 
     walk: Walk
     done: bool = False
-    begun_s: float | None = None
     walked: int = 0
     over_s: float | None = None
     ticks: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=STEPS))
@@ -100,7 +99,7 @@ class RunClock:
         """A task begins with a group: its monitor. `processor_s`: gives the seconds that its process has used of the
         processor."""
         with self._lock:
-            begun = _Group(self.groups[group].walk, begun_s=time.monotonic())
+            begun = _Group(self.groups[group].walk)
             self.groups[group] = begun
         return _TaskMonitor(self, begun, processor_s)
 

@@ -122,6 +122,7 @@ class _Group:
         self.job, self.rows, self.shown = job, rows, shown
         self.seconds: dict[str, float] = {}
         self.requests: dict[str, RowRequest] = {}
+        self.measured: dict[str, RowMeasurements] = {}
         for row in rows:
             try:
                 self.requests[row] = request_for(job, row)
@@ -145,6 +146,7 @@ class _Group:
                 if isinstance(measured, SavmapError):
                     self._fail(request, measured)
                     continue
+                self.measured[request.name] = measured.measurements
                 self._update(
                     request.name,
                     measured=packed(measured.measurements),
@@ -159,10 +161,9 @@ class _Group:
             return
         with self._timed(SOLVED):
             warned = NoteCollector()
-            measured = [
-                MeasuredRow(self.requests[row], unpacked(self.rows[row].measured or b"", RowMeasurements))
-                for row in names
-            ]
+            for name in set(names) - self.measured.keys():
+                self.measured[name] = unpacked(self.rows[name].measured or b"", RowMeasurements)
+            measured = [MeasuredRow(self.requests[name], self.measured[name]) for name in names]
             with warnings_as_notes(warned):
                 results = map_rows(measured, self.shown)
             for row, result in zip(measured, results, strict=True):
