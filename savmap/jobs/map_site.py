@@ -125,7 +125,7 @@ def failures_recorded(folder: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        is_written = not is_url(folder) and any((folder / name).exists() for name in (MAP, LOG, MESSAGES, FOLDER))
+        is_written = not is_url(folder) and any(os.path.exists(folder / name) for name in (MAP, LOG, MESSAGES, FOLDER))
         if is_written and not isinstance(error, MAPPED):
             is_kept = before is not None and _identity(folder / MAP) == before
             says = str(error) if isinstance(error, SavmapError) else format_error(error)
