@@ -135,14 +135,14 @@ def measured(site: Path, output: Path, plugins: Sequence[str] | None = None) -> 
     SavmapError."""
     job = job_for(site, plugins, output)
     request = request_for(job, next(iter(job.site.rows)))
-    walk = FolderCache(output).frames(request.name, " ".join(plugin.name for plugin in request.plugins))
+    walk, key = FolderCache(output).frames(request.name), " ".join(plugin.name for plugin in request.plugins)
     readers: list[tuple[FaceReader, Trajectory]] = []
 
     def kept(gather: Any, path: Trajectory, *given: Any) -> FaceReader:
         readers.append((face_reader(gather, path, *given), path))
         return readers[-1][0]
 
-    with threadpool_limits(1, "blas"), Journal(walk) as journal, patch.object(find, "face_reader", kept):
+    with threadpool_limits(1, "blas"), Journal(walk, key) as journal, patch.object(find, "face_reader", kept):
         (row,) = measure([request], journal, NoteCollector())
     if isinstance(row, SavmapError):
         raise row

@@ -15,7 +15,7 @@ from urllib.parse import quote
 
 from savmap.errors import OutputError
 from savmap.files.texts import MOST_MB, bounded_text, json_of
-from savmap.files.urls import is_url, likely
+from savmap.files.urls import is_url
 
 PREFIX = ".savmap-"
 """Of temporary folders: a killed run leaves them, and the next one removes them."""
@@ -39,8 +39,13 @@ def write_with(write: Callable[[Path], object], path: Path) -> None:
     """
     if is_url(path):
         with tempfile.TemporaryDirectory() as folder:
-            write(Path(folder) / path.name)
-            return _put(path, (Path(folder) / path.name).read_bytes())
+            write(part := Path(folder) / path.name)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(part.read_bytes())
+            except Exception as error:  # each kind of URL has errors of its own
+                raise OutputError(f"{path}: cannot be written ({error})") from error
+        return
     require_no_device(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -94,24 +99,14 @@ def sha256(path: Path) -> str:
 
 
 def reason(error: OSError) -> str:
-    """The operating system's message, in lower case; of what is not there, what is called alike. "File exists", which
-    only a folder's place gives, in plainer words."""
+    """The operating system's message, in lower case. "File exists", which only a folder's place gives, in plainer
+    words."""
     if error.errno == errno.EEXIST:
         return "what would be its folder is a file"
-    text = (error.strerror or str(error)).lower()
-    missing = isinstance(error, FileNotFoundError) and isinstance(error.filename, str | os.PathLike)
-    return text + likely(Path(os.fsdecode(error.filename))) if missing else text
+    return (error.strerror or str(error)).lower()
 
 
 def file_name(row: str) -> str:
     """A row's name as (part of) the name of a file."""
     name = quote(row, safe=" ()+,=@", errors="replace") or "_"
     return name.replace(".", "%2E") if not name.strip(".") else name
-
-
-def _put(path: Path, content: bytes) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except Exception as error:  # each kind of URL has errors of its own
-        raise OutputError(f"{path}: cannot be written ({error})") from error

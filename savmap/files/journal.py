@@ -1,103 +1,71 @@
-"""Records of long work, kept in parts while it goes on: work that was cut off, even by a power failure, goes on where
-it stood. What was kept is read from its part when it is asked for, so that memory stays flat."""
+"""Records of long work, kept while it goes on: work that was cut off, even by a power failure, goes on where it stood.
+What was kept is read from its file when it is asked for, so that memory stays flat."""
 
-import json
+import hashlib
 import logging
-import shutil
-import tempfile
+import sqlite3
 import threading
 import time
-import weakref
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
 
 from savmap.errors import OutputError
 from savmap.files.serialization import packed, unpacked
 
 KEEP_S, KEEP_BYTES = 4.0, 24 << 20
-"""Between two parts, and the size of one at most: what is lost, and what is held, at most. A part of a few MB costs a
-hundredth of a second to write."""
+"""Between two times at which records are kept, and their size then: what is lost, and what is held, at most. A few MB
+take a hundredth of a second."""
+LOCKED_S = 60.0
+"""For which a file may be locked: whoever writes it is done after a fraction of a second."""
+TABLE = """
+create table if not exists records (
+    key text, series text, number integer, digest blob, content blob, primary key (key, series, number)
+)
+"""
 log = logging.getLogger("savmap")
 Record = TypeVar("Record")
-Place = tuple[str, int]
-
-
-class Parts(Protocol):
-    """Where parts are kept by number, each whole or not at all."""
-
-    def load(self, part: int) -> bytes | None:
-        """A part; None where there is none that fits."""
-        ...
-
-    def save(self, part: int, content: bytes) -> None:
-        """Keep a part. Raises OutputError where it cannot be written."""
-        ...
-
-    def drop(self, part: int) -> bool:
-        """Forget a part, whether it fits or not; False where there is none."""
-        ...
-
-
-class TemporaryParts:
-    """Parts in a folder that is removed once nobody asks for them any more. Raises OutputError where none can be
-    made."""
-
-    def __init__(self) -> None:
-        try:
-            self._folder = Path(tempfile.mkdtemp(prefix="savmap-"))
-        except OSError as error:
-            raise OutputError(f"no temporary folder can be made ({error.strerror}): set TMPDIR to one") from error
-        weakref.finalize(self, shutil.rmtree, self._folder, True)
-
-    def load(self, part: int) -> bytes | None:
-        path = self._path(part)
-        return path.read_bytes() if path.is_file() else None
-
-    def save(self, part: int, content: bytes) -> None:
-        try:
-            self._path(part).write_bytes(content)
-        except OSError as error:
-            raise OutputError(f"{self._path(part)}: cannot be written ({error.strerror})") from error
-
-    def drop(self, part: int) -> bool:
-        existed = self._path(part).is_file()
-        self._path(part).unlink(missing_ok=True)
-        return existed
-
-    def _path(self, part: int) -> Path:
-        return self._folder / str(part)
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """Packed records with the series that they are of and their numbers in these."""
-
-    series: tuple[str, ...]
-    numbers: tuple[int, ...]
-    records: tuple[bytes, ...]
 
 
 class Journal:
-    """Records by the series that they are of and their number in it. Those of an earlier run are there from the start;
-    new ones are kept every `KEEP_S` seconds or `KEEP_BYTES` and, however the block ends that it is entered for, at its
-    end. Without `parts` they are kept for as long as the journal lives. Threads may share a journal.
+    """Records by the series that they are of and their number in it, in an SQLite file. Those that an earlier run kept
+    under the same `key` are there from the start, up to the first one that is damaged; all others are forgotten. New
+    ones are kept every `KEEP_S` seconds or `KEEP_BYTES` and, however the block ends that it is entered for, at its end.
+    Without a file they are kept for as long as the journal lives. `is_reader`: nothing is forgotten, since another
+    process writes the file. Threads may share a journal.
 
-    Part 0 says how many records there are of each series, so that this is known without reading them.
+    Raises OutputError where the file cannot be opened.
     """
 
-    def __init__(self, parts: Parts | None = None) -> None:
-        self._parts: Parts = TemporaryParts() if parts is None else parts
-        self._written_s, self._next, self._full = time.monotonic(), 1, False
-        self._part_of: dict[Place, int] = {}
-        self._waiting: dict[Place, bytes] = {}
-        self._last: tuple[int, dict[Place, bytes]] = (0, {})
-        self._lock = threading.Lock()
-        self.read_on()
-        forget(self._parts, self._next)  # behind what does not fit: it would never be asked for
-        self.earlier = Counter(series for series, _ in self._part_of)
+    def __init__(self, file: Path | None = None, key: str = "", is_reader: bool = False) -> None:
+        self._key, self._lock, self._waiting = key, threading.Lock(), dict[tuple[str, int], bytes]()
+        self._written_s, self._full = time.monotonic(), False
+        try:
+            self._kept = self._opened(file, is_reader)
+        except (sqlite3.Error, OSError) as error:
+            if file is None or is_reader or not file.is_file():
+                raise OutputError(f"{file or 'a temporary file'}: cannot be opened ({error})") from error
+            log.warning("what an earlier run kept cannot be used, and is done again: %s", error)
+            forget(file)
+            self._kept = self._opened(file, is_reader)
+        counted = "select series, count(*) from records where key = ? group by series"
+        self.earlier = Counter[str](dict(self._kept.execute(counted, (key,)).fetchall()))
         """How many records of an earlier run there are of each series."""
+
+    def _opened(self, file: Path | None, is_reader: bool) -> sqlite3.Connection:
+        if file is not None:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            if file.is_symlink():
+                file.unlink()
+        kept = sqlite3.connect(file or "", LOCKED_S, check_same_thread=False)
+        kept.execute(TABLE)
+        if not is_reader:
+            kept.create_function("sha256", 1, lambda content: hashlib.sha256(content).digest())
+            damaged = "select min(rowid) from records where digest != sha256(content)"
+            with kept:
+                kept.execute("delete from records where key != ?", (self._key,))
+                kept.execute(f"delete from records where rowid >= ({damaged})")
+        return kept
 
     def __enter__(self) -> "Journal":
         return self
@@ -108,16 +76,18 @@ class Journal:
     def has(self, series: str, number: int) -> bool:
         """Whether there is a record."""
         with self._lock:
-            return (series, number) in self._waiting or (series, number) in self._part_of
+            return (series, number) in self._waiting or self._column("1", series, number) is not None
 
     def get(self, kind: type[Record], series: str, number: int) -> Record | None:
         """The record of this kind, if there is one. ValueError where it is of another kind."""
-        place = series, number
         with self._lock:
-            content = self._waiting.get(place)
-            if content is None and place in self._part_of:
-                content = self._records(self._part_of[place]).get(place)
+            content = self._waiting.get((series, number)) or self._column("content", series, number)
         return None if content is None else unpacked(content, kind)
+
+    def _column(self, name: str, series: str, number: int) -> Any:
+        query = f"select {name} from records where key = ? and series = ? and number = ?"
+        row = self._kept.execute(query, (self._key, series, number)).fetchone()
+        return None if row is None else row[0]
 
     def add(self, series: str, number: int, record: object) -> None:
         """Take a record, and keep those that wait if it is time."""
@@ -132,50 +102,20 @@ class Journal:
         """Keep all records that wait. Where that cannot be done, they stay in memory: what is worked out is worth
         more."""
         with self._lock:
-            if self._full or not self._waiting:
+            rows = [(self._key, *at, hashlib.sha256(record).digest(), record) for at, record in self._waiting.items()]
+            if self._full or not rows:
                 return
-            series, numbers = zip(*self._waiting, strict=True)
-            places = dict.fromkeys(self._waiting, self._next)
             try:
-                self._parts.save(self._next, packed(_Part(series, numbers, tuple(self._waiting.values())), level=0))
-                self._parts.save(0, json.dumps(Counter(name for name, _ in {**self._part_of, **places})).encode())
-            except OutputError as error:
+                with self._kept:
+                    self._kept.executemany("insert or replace into records values (?, ?, ?, ?, ?)", rows)
+            except sqlite3.Error as error:
                 log.warning("what is measured is not kept meanwhile: %s", error)
                 self._full = True
                 return
-            self._part_of |= places
-            self._next, self._waiting, self._written_s = self._next + 1, {}, time.monotonic()
-
-    def read_on(self) -> None:
-        """Take the parts that another process has kept since, each once, up to the first that does not fit."""
-        with self._lock:
-            while records := self._records(self._next):
-                self._part_of |= dict.fromkeys(records, self._next)
-                self._next += 1
-
-    def _records(self, part: int) -> dict[Place, bytes]:
-        """The packed records of a part; none where there is no such part, or it does not fit."""
-        if self._last[0] != part:
-            content = self._parts.load(part)
-            if content is None:
-                return {}
-            try:
-                read = unpacked(content, _Part)
-                self._last = part, dict(zip(zip(read.series, read.numbers, strict=True), read.records, strict=True))
-            except (ValueError, TypeError) as error:
-                log.warning("what an earlier run kept cannot be used, and is done again: %s", error)
-                return {}
-        return self._last[1]
+            self._waiting, self._written_s = {}, time.monotonic()
 
 
-def counts(parts: Parts) -> dict[str, int]:
-    """How many records are kept of each series."""
-    return dict(json.loads(parts.load(0) or b"{}"))
-
-
-def forget(parts: Parts, first: int = 1) -> None:
-    """Forget the parts from a number on, and, with the first, how many records there are."""
-    if first == 1:
-        parts.drop(0)
-    while parts.drop(first):
-        first += 1
+def forget(file: Path) -> None:
+    """Remove the file of a journal."""
+    file.with_name(f"{file.name}-journal").unlink(missing_ok=True)  # first: SQLite would apply it to a new file
+    file.unlink(missing_ok=True)

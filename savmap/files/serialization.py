@@ -85,17 +85,13 @@ def _items(values: Sequence[Any], arrays: bytearray) -> Any:
 def _column(values: list[Any], arrays: bytearray) -> Any:
     """One field of many records. Arrays that differ only in length are joined."""
     kinds = {type(value) for value in values}
-    if kinds <= PLAIN or (kinds == {dict} and all(_is_plain(value) for value in values)):
-        return {"plain": values}
+    items = [item for value in values for item in value.items()] if kinds == {dict} else []
+    if kinds <= PLAIN or (kinds == {dict} and all(type(key) is str and type(item) in PLAIN for key, item in items)):
+        return {"plain": values}  # JSON preserves them exactly
     alike = kinds == {np.ndarray} and len({(value.dtype, value.shape[1:]) for value in values}) == 1
     if alike and all(value.ndim for value in values):
         return {"arrays": [[len(value) for value in values], _tree(np.concatenate(values), arrays)]}
     return {"each": [_tree(value, arrays) for value in values]}
-
-
-def _is_plain(mapping: dict[Any, Any]) -> bool:
-    """Whether JSON preserves the mapping exactly."""
-    return all(type(key) is str and type(value) in PLAIN for key, value in mapping.items())
 
 
 def _record(tree: Any, arrays: memoryview) -> Any:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from savmap.errors import CONTROLS, without_secrets
-from savmap.files.urls import is_url
 
 MB = 1 << 20
 MOST_MB = 64
@@ -35,7 +34,7 @@ SURROGATES = re.compile("[\ud800-\udfff]")
 def bounded_bytes(path: Path, most_mb: float = MOST_MB) -> bytes:
     """What a regular file or a URL holds. Raises OSError, and ValueError for what is no file (nothing is waited for),
     or too large."""
-    if not is_url(path) and path.exists() and not (path.is_file() or path.is_dir()):
+    if path.exists() and not (path.is_file() or path.is_dir()):
         raise ValueError("is a device or a pipe, not a file")
     most = int(most_mb * MB)
     with path.open("rb") as stream:

@@ -93,7 +93,9 @@ def drawing_key(row: RowMap, survey: Mapping[str, Any] | None) -> str:
 
 def code(plugins: Sequence[LoadedPlugin]) -> str:
     """Of the program, its plugins, and the libraries that count."""
-    packages = sorted({_package_of(type(plugin.instance)) for plugin in plugins})
+    kinds = [type(plugin.instance) for plugin in plugins]
+    files = [(Path(inspect.getfile(kind)), sys.modules[kind.__module__].__package__) for kind in kinds]
+    packages = sorted({file.parent if package else file for file, package in files})
     named = {name for plugin in plugins for name in getattr(plugin.instance, "libraries", ())}
     return digest(
         savmap=_sources(SAVMAP),
@@ -176,12 +178,6 @@ def _file(path: Path | None) -> str:
 def _unchanged(path: Path, size: int, changed_ns: int) -> str:
     """Digest of a file as it was then: every row asks for the same networks."""
     return sha256(path)
-
-
-def _package_of(kind: type) -> Path:
-    """The folder of a class's package, or its file where it is in none."""
-    place = Path(inspect.getfile(kind))
-    return place.parent if sys.modules[kind.__module__].__package__ else place
 
 
 @cache

@@ -10,28 +10,26 @@ from pathlib import Path
 from typing import TypeVar
 
 from savmap.assembly import rows_with_same_face
-from savmap.errors import OutputError, SavmapError, SiteError, StructureError, VideoError
+from savmap.errors import ModelError, SavmapError, SiteError, StructureError, VideoError
 from savmap.files.journal import Journal
 from savmap.files.serialization import packed
 from savmap.jobs.map_site import written_files
-from savmap.jobs.preview import picture_name, write_views
+from savmap.jobs.preview import planned, write_views
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED, FrameCost
 from savmap.jobs.tasks import PER_MB, request_for
-from savmap.maps.run_record import read_log
 from savmap.pipeline.drive import RowWalk, drive_along, require_path
 from savmap.pipeline.path import warnings_held_back
 from savmap.pipeline.records import RowRequest
-from savmap.pipeline.view_plans import PassPlan, looked_at, plan_shown
+from savmap.pipeline.view_plans import PassPlan
 from savmap.plugin.segmenters import SegmenterPool
 from savmap.site import preflight
 from savmap.site.job import Job, chosen_plugins, plugins_for
 from savmap.site.load import notes_on, problems_in, read_draft, site_of, sound_part
 from savmap.site.overrides import Override
-from savmap.site.preflight import Footage, Question, settings_problems, with_location
+from savmap.site.preflight import Footage, Question, Unchecked, with_location
 from savmap.types.progress import Monitor
 from savmap.video.clip import missing_s
 from savmap.video.reader import preview_frames, sampling_fps
-from savmap.vision.view_planning import PassPreview
 from savmap.vision.views import Renderer
 
 Item = TypeVar("Item")
@@ -100,23 +98,17 @@ def _findings(
 
 def of_job(job: Job, pictures: bool) -> Iterator[SavmapError | str]:
     """Problems of a job whose site file is as it should be, and remarks."""
-    wrong_settings = list(settings_problems(job.site, job.plugins, job.places))
-    yield from wrong_settings
+    footage, is_seen = list[Footage](), True
     yield from preflight.output(job, written_files(job))
-    findings = list(preflight.footage(job))
-    footage = [finding for finding in findings if isinstance(finding, Footage)]
-    yield from (finding for finding in findings if isinstance(finding, SavmapError))
+    for finding in preflight.findings(job):
+        if isinstance(finding, Footage):
+            footage.append(finding)
+        else:
+            yield finding
+        is_seen = is_seen and not isinstance(finding, ModelError | Unchecked)
     for _, row, line in rows_with_same_face(job.site.rows):
         yield with_location(SiteError(line), job.places, ("rows", row, "passes"))
-    if wrong_settings:
-        yield f"{job.source}: networks, references and views are checked once the plugins' settings are put right"
-        return
-    networks = list(preflight.networks(job))
-    yield from networks
-    yield from preflight.references(job)
-    yield from preflight.questions(job)
-    yield from preflight.survey(job)
-    if not any(isinstance(finding, SavmapError) for finding in networks):
+    if is_seen:
         yield from _previewed(job, footage, pictures)
 
 
@@ -135,26 +127,8 @@ def _previewed(job: Job, footage: Sequence[Footage], pictures: bool) -> Iterator
             yield error
 
 
-@dataclass(frozen=True, eq=False)
-class PlannedPass:
-    """How a run looks at a pass: its plugins' views; the seconds that it took to choose these."""
-
-    request: RowRequest
-    plan: PassPlan
-    seconds: float
-
-    @classmethod
-    def of(cls, job: Job, part: Footage) -> tuple["PlannedPass", PassPreview]:
-        """With the pictures that it was chosen by. Raises SavmapError's kinds."""
-        begin, request = time.perf_counter(), replace(request_for(job, part.row), passes=(part.row_pass,))
-        row_pass, shown, walk = looked_at(part.row_pass, Renderer())
-        attitude = request.attitudes.get(part.name)
-        plan = plan_shown(part.name, row_pass, request.plugins, shown, attitude, walk)
-        return cls(request, plan, time.perf_counter() - begin), shown
-
-
-Plans = dict[tuple[object, ...], PlannedPass]
-"""A pass of each kind of footage."""
+Plans = dict[tuple[object, ...], tuple[RowRequest, PassPlan]]
+"""How a run looks at a pass of each kind of footage."""
 
 
 def _preview(job: Job, part: Footage, pictures: bool, plans: Plans) -> Iterator[SavmapError | str]:
@@ -166,12 +140,11 @@ def _preview(job: Job, part: Footage, pictures: bool, plans: Plans) -> Iterator[
         if plugins and all(plugin.needs_path for plugin in plugins) and job.earlier is None:
             require_path(part.row, plugins[0], None)
         if pictures:
-            planned, shown = PlannedPass.of(job, part)
-            plans.setdefault(_kind(job, part), planned)
-            path = job.output / picture_name(part.row, part.name)
-            write_views(path, planned.plan, shown)
+            request = replace(request_for(job, part.row), passes=(part.row_pass,))
+            plan, shown = planned(part.name, part.row_pass, request.plugins, request.attitudes.get(part.name))
+            plans.setdefault(_kind(job, part), (request, plan))
             keys, pairs = shown.keys, shown.pairs
-            remark += f", views in {path}"
+            remark += f", views in {write_views(part.row, job.output, plan, shown)}"
         else:
             keys, pairs = preview_frames(row_pass.clip)
     except SavmapError as error:
@@ -196,28 +169,15 @@ class ProbeMonitor:
     def each(self, items: Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
         ticks = self.ticks if not self.ticks else []
         for item in islice(items, FRAMES):
-            ticks.append(_now())
+            ticks.append((time.perf_counter(), time.process_time()))
             yield item
-        ticks.append(_now())
+        ticks.append((time.perf_counter(), time.process_time()))
 
     def note(self, line: str) -> None:
         """Lines are for runs."""
 
     def left(self, seconds: float) -> None:
         """So is this."""
-
-
-def _now() -> tuple[float, float]:
-    return time.perf_counter(), time.process_time()
-
-
-@dataclass(frozen=True)
-class Rate:
-    """Seconds to choose a pass's views, what a frame costs, and bytes a frame of what is kept of it."""
-
-    plan_s: float
-    cost: FrameCost
-    frame_bytes: float
 
 
 @dataclass(frozen=True)
@@ -244,21 +204,23 @@ class ResourceEstimate:
 
 def resource_estimate(job: Job, footage: Sequence[Footage], plans: Plans) -> ResourceEstimate:
     """What the footage will take. Raises SavmapError's kinds where a few frames of it cannot be measured."""
-    rates: dict[tuple[object, ...], Rate] = {}
+    costs: dict[tuple[object, ...], tuple[FrameCost, float]] = {}
     for part in footage:
         kind = _kind(job, part)
-        if kind not in rates:
-            rates[kind] = _rate(job, part, plans.get(kind) or PlannedPass.of(job, part)[0])
-    parts = [(part.frames, rates[_kind(job, part)]) for part in footage]
-    frames = sum(count for count, _ in parts)
-    solving = _solve_rate(job.output)
-    later = [PICTURED] if solving is not None else [SOLVED, PICTURED]
+        if kind not in costs:
+            if kind not in plans:
+                request = replace(request_for(job, part.row), passes=(part.row_pass,))
+                plans[kind] = (
+                    request,
+                    planned(part.name, part.row_pass, request.plugins, request.attitudes.get(part.name))[0],
+                )
+            costs[kind] = _cost(job, part, *plans[kind])
+    parts = [(part.frames, *costs[_kind(job, part)]) for part in footage]
     return ResourceEstimate(
-        frames,
-        sum(rate.plan_s + count * rate.cost.frame_s + rate.cost.after_s(count, [MEASURED]) for count, rate in parts),
-        sum(rate.cost.after_s(count, later) + rate.cost.drawn_s(count) for count, rate in parts)
-        + frames * (solving or 0.0),
-        sum(count * rate.frame_bytes for count, rate in parts) / 1e6,
+        sum(frames for frames, _, _ in parts),
+        sum(cost.plan_s(1) + n * cost.frame_s + cost.after_s(n, [MEASURED]) for n, cost, _ in parts),
+        sum(cost.after_s(n, [SOLVED, PICTURED]) + cost.drawn_s(n) for n, cost, _ in parts),
+        sum(n * frame_bytes for n, _, frame_bytes in parts) / 1e6,
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / PER_MB,
     )
 
@@ -278,27 +240,17 @@ def _kind(job: Job, part: Footage) -> tuple[object, ...]:
     return part.info.width, part.info.codec, part.info.rate_fps, part.row_pass.rate, models, extras
 
 
-def _rate(job: Job, part: Footage, planned: PlannedPass) -> Rate:
-    """Measure the first frames of a pass as a run does. Whether they show a row does not matter."""
+def _cost(job: Job, part: Footage, request: RowRequest, plan: PassPlan) -> tuple[FrameCost, float]:
+    """Measure the first frames of a pass as a run does: what a frame takes, and bytes a frame of what is kept of it.
+    Whether they show a row does not matter."""
     probe = ProbeMonitor()
-    request = replace(planned.request, strips=job.site.orthophotos, stills=job.site.panoramas)
+    request = replace(request, strips=job.site.orthophotos, stills=job.site.panoramas)
     with warnings_held_back():  # of a few frames, which show a part of the row
-        walk = RowWalk((request, planned.plan), SegmenterPool(request.plugins), Renderer(), Journal())
-        walk.begin(planned.plan.name, part.row_pass, probe)
-        drive_along(planned.plan.clip, [walk], walk.renderer, probe)
+        walk = RowWalk((request, plan), SegmenterPool(request.plugins), Renderer(), Journal())
+        walk.begin(plan.name, part.row_pass, probe)
+        drive_along(plan.clip, [walk], walk.renderer, probe)
     if walk.failure and not (isinstance(walk.failure, StructureError) and len(walk.stamps) > 1):
         raise walk.failure
     walked, ticks = walk.walked(), probe.ticks
     stored = packed(walked.measurements) + packed(walked.strips)
-    cost = FrameCost.of(ticks[min(WARM, len(ticks) - 2) :])
-    return Rate(planned.seconds, cost, len(stored) / (len(ticks) - 1))
-
-
-def _solve_rate(output: Path) -> float | None:
-    """Seconds a frame that solving took in the last run into a folder, if there was one."""
-    try:
-        rows = read_log(output / "run.json").rows.values()
-    except OutputError:
-        return None
-    solved = [row for row in rows if row.used and SOLVED in row.seconds]
-    return sum(row.seconds[SOLVED] for row in solved) / sum(row.used for row in solved) if solved else None
+    return FrameCost.of(ticks[min(WARM, len(ticks) - 2) :]), len(stored) / (len(ticks) - 1)

@@ -16,7 +16,7 @@ from savmap.vision.face_depths import face_depths
 def kept_depths(folder: Path, row: RowMap) -> FaceDepths | None:
     """The depths of a row by the strips and the orthophoto that a run kept in its folder; None where it kept none, or
     they are not of this row."""
-    content = FolderCache(folder).latest(row.name, STRIPS)
+    content = FolderCache(folder).load(row.name, STRIPS, None)
     try:
         photo = read_orthophotos([row.name], folder).get(row.name)
         strips = None if content is None else unpacked(content, RowStrips)

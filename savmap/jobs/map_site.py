@@ -6,6 +6,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from savmap.assembly import aligned, assembled, same_face_warnings, with_confirmed, with_warnings
 from savmap.errors import (
@@ -21,7 +22,7 @@ from savmap.files.atomic import file_name, read_json, sha256, write_text
 from savmap.files.kinds import kind_of
 from savmap.files.texts import json_visible
 from savmap.files.urls import is_url
-from savmap.jobs.cache import FOLDER, FolderCache, NoCache, RowCache, locked
+from savmap.jobs.cache import FOLDER, FolderCache, locked
 from savmap.jobs.cache_keys import drawing_key
 from savmap.jobs.returning import back_in_map
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
@@ -96,7 +97,8 @@ def map_job(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
     Raises the first row's error where no row could be mapped, and SavmapError's kinds for what is wrong with the job.
     """
     require_ready(job)
-    return _run(job, options, monitor, NoCache(), write=False)
+    with TemporaryDirectory(prefix="savmap-") as folder:
+        return _run(job, options, monitor, FolderCache(Path(folder)), write=False)
 
 
 def map_job_into(job: Job, options: RunOptions, monitor: Monitor) -> SiteRun:
@@ -121,20 +123,14 @@ def failures_recorded(folder: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if not isinstance(error, MAPPED) and not is_url(folder):
-            kept = before is not None and _identity(folder / MAP) == before
-            with suppress(OutputError, OSError):
-                _record_failure(folder, error, kept)
+        is_written = not is_url(folder) and any(os.path.exists(folder / name) for name in (MAP, LOG, MESSAGES, FOLDER))
+        if is_written and not isinstance(error, MAPPED):
+            is_kept = before is not None and _identity(folder / MAP) == before
+            says = str(error) if isinstance(error, SavmapError) else format_error(error)
+            with suppress(OutputError, OSError), locked(folder):
+                earlier = sha256(folder / MAP) if is_kept else ""
+                write_log(RunLog(rows={}, status="failed", error=says, earlier_map=earlier), folder / LOG)
         raise
-
-
-def _record_failure(folder: Path, error: Exception, kept: bool) -> None:
-    if not any((folder / name).exists() for name in (MAP, LOG, MESSAGES, FOLDER)):
-        return
-    with locked(folder):
-        says = str(error) if isinstance(error, SavmapError) else format_error(error)
-        earlier = sha256(folder / MAP) if kept else ""
-        write_log(RunLog(rows={}, status="failed", error=says, earlier_map=earlier), folder / LOG)
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -219,7 +215,7 @@ def write_photo(row: str, report: Report, folder: Path) -> list[Path]:
     return [picture]
 
 
-def _run(job: Job, options: RunOptions, monitor: Monitor, cache: RowCache, write: bool) -> SiteRun:
+def _run(job: Job, options: RunOptions, monitor: Monitor, cache: FolderCache, write: bool) -> SiteRun:
     """Map, assemble and score a job. While rows are mapped, their tasks note what plugins warn of; after that it is
     done here."""
     for note in (*job.notes, *questions(job)):
@@ -264,7 +260,7 @@ def _write_results(
     mapped: MappedRows,
     plugins: PluginsByRow,
     survey: Survey | None,
-    cache: RowCache,
+    cache: FolderCache,
     changes: Changes | None,
 ) -> tuple[Evaluation | None, tuple[Path, ...]]:
     """Write the map, what was done for it, the resolved site, the report, the viewer, each row's two pictures, its
@@ -292,7 +288,11 @@ def _write_results(
         about = report.evaluation, job.site.survey, report.title, photos, stills, report.places
         shown_by.write_beside(WrittenMap(job.output / MAP, site_map, *about))
         files.append(job.output / shown_by.PAGE)
-    _remove_files_of(dropped, set(site_map.rows), job.output)
+    kept = {path.name.casefold() for row in site_map.rows for path in _files_of(row, job.output)}
+    for path in (path for row in dropped for path in _files_of(row, job.output)):
+        if path.name.casefold() not in kept:  # a picture that an earlier run wrote of a row that is no more
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
     if survey is None:
         return None, tuple(files)
     evaluation = report.evaluation or evaluation_of(site_map, survey, plugins)
@@ -323,15 +323,6 @@ def _rows_of(map_file: Path) -> set[str]:
         return set()
     sections = [content.get(key) for key in ("rows", "failed")]
     return {name for section in sections if isinstance(section, dict) for name in section}
-
-
-def _remove_files_of(dropped: set[str], rows: set[str], folder: Path) -> None:
-    """Take away the pictures that an earlier run wrote of rows that the map has no more, and nothing else."""
-    kept = {path.name.casefold() for row in rows for path in _files_of(row, folder)}
-    for path in (path for row in dropped for path in _files_of(row, folder)):
-        if path.name.casefold() not in kept:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def _files_of(row: str, folder: Path) -> list[Path]:

@@ -48,18 +48,20 @@ def previews(
     """Write a picture of the chosen views of each pass of a row over its key frames; gives the paths written.
     `attitudes`: world_from_rig (3, 3) at the start of a pass where an earlier map gives it."""
     for name, row_pass in zip(pass_names(passes), passes, strict=True):
-        (row_pass, pass_preview, walk), path = looked_at(row_pass, Renderer()), folder / picture_name(row, name)
-        plan = plan_shown(name, row_pass, plugins, pass_preview, attitudes.get(name), walk)
-        write_views(path, plan, pass_preview)
-        yield path
+        yield write_views(row, folder, *planned(name, row_pass, plugins, attitudes.get(name)))
 
 
-def write_views(path: Path, plan: PassPlan, pass_preview: PassPreview) -> None:
-    """Write the picture of one pass."""
-    picture = overview(pass_preview.keys, list(dict.fromkeys(plan.views().values())), pass_preview.renderer)
+def planned(
+    name: str, row_pass: Pass, plugins: Sequence[LoadedPlugin], attitude: Floats | None
+) -> tuple[PassPlan, PassPreview]:
+    """How a run looks at a pass, and the pictures by which that was chosen. Raises SavmapError's kinds."""
+    row_pass, shown, walk = looked_at(row_pass, Renderer())
+    return plan_shown(name, row_pass, plugins, shown, attitude, walk), shown
+
+
+def write_views(row: str, folder: Path, plan: PassPlan, shown: PassPreview) -> Path:
+    """Write a picture of the views of a pass over its key frames: "views-A-pass-1.jpg"."""
+    picture = overview(shown.keys, list(dict.fromkeys(plan.views().values())), shown.renderer)
+    path = folder / f"views-{file_name(row)}-{plan.name.replace(' ', '-')}.jpg"
     write_bytes(path, cv2.imencode(".jpg", picture[..., ::-1])[1].tobytes())
-
-
-def picture_name(row: str, name: str) -> str:
-    """Of a pass's picture: "views-A-pass-1.jpg"."""
-    return f"views-{file_name(row)}-{name.replace(' ', '-')}.jpg"
+    return path

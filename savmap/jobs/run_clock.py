@@ -74,12 +74,11 @@ class Walk:
 
 @dataclass(eq=False)
 class _Group:
-    """How far rows are that are mapped together: whether they are done, when a task began with them, how many frames
-    were walked, and since when the walk is over."""
+    """How far rows are that are mapped together: whether they are done, how many frames were walked, and since when the
+    walk is over."""
 
     walk: Walk
     done: bool = False
-    begun_s: float | None = None
     walked: int = 0
     over_s: float | None = None
     ticks: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=STEPS))
@@ -100,7 +99,7 @@ class RunClock:
         """A task begins with a group: its monitor. `processor_s`: gives the seconds that its process has used of the
         processor."""
         with self._lock:
-            begun = _Group(self.groups[group].walk, begun_s=time.monotonic())
+            begun = _Group(self.groups[group].walk)
             self.groups[group] = begun
         return _TaskMonitor(self, begun, processor_s)
 
@@ -125,7 +124,10 @@ class RunClock:
             usual = FrameCost(*np.mean([astuple(cost) for cost in timed.values()], axis=0).tolist())
             costs = [(group, timed.get(id(group), usual)) for group in self.groups.values()]
             left = [self._left_s(group, cost) for group, cost in costs if not group.done]
-        return _makespan_s(left, workers) + sum(cost.drawn_s(group.walk.frames) for group, cost in costs)
+        busy = [0.0] * workers
+        for seconds in sorted(left, reverse=True):  # to the worker that is free first
+            heapq.heapreplace(busy, busy[0] + seconds)
+        return max(busy) + sum(cost.drawn_s(group.walk.frames) for group, cost in costs)
 
     def _left_s(self, group: _Group, cost: FrameCost) -> float:
         """Of a group that is not done: never nothing."""
@@ -150,11 +152,6 @@ class RunClock:
             ticks.append((time.monotonic(), processor_s))
             group.over_s = None
 
-    def walk_ends(self, group: _Group) -> None:
-        """What follows is timed from here."""
-        with self._lock:
-            group.over_s = time.monotonic()
-
     @contextmanager
     def reported(self, workers: int) -> Iterator[None]:
         """While this lasts, the monitor is told how long the rest will take."""
@@ -174,14 +171,6 @@ class RunClock:
             thread.join()
 
 
-def _makespan_s(tasks_s: Iterable[float], workers: int) -> float:
-    """Of tasks that are given to the worker that is free first, the longest ones first."""
-    busy = [0.0] * workers
-    for seconds in sorted(tasks_s, reverse=True):
-        heapq.heapreplace(busy, busy[0] + seconds)
-    return max(busy)
-
-
 class _TaskMonitor:
     """The monitor of one task, whose frames are counted."""
 
@@ -192,7 +181,7 @@ class _TaskMonitor:
         for item in self.clock.monitor.each(items, doing, total):
             yield item
             self.clock.step(self.group, self.processor_s())
-        self.clock.walk_ends(self.group)
+        self.group.over_s = time.monotonic()  # what follows is timed from here
 
     def note(self, line: str) -> None:
         self.clock.monitor.note(line)

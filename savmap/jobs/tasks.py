@@ -9,13 +9,14 @@ import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 from savmap.errors import SavmapError, SiteError, format_error, out_of_memory
-from savmap.files.journal import Journal, Parts
-from savmap.jobs.cache import Record, StoredRecord
+from savmap.files.journal import Journal
+from savmap.files.serialization import packed, unpacked
 from savmap.jobs.executors import ForwardedMonitor
 from savmap.jobs.run_clock import MEASURED, PICTURED, SOLVED
 from savmap.pipeline.cutting import spaced_stills
@@ -52,13 +53,14 @@ class RowPicture:
 
 @dataclass(frozen=True, eq=False)
 class RowRecords:
-    """What is known of a row, by stage: what was measured in its pictures, with strips of them if pictures are wanted,
-    its map, and its picture; or why there is none. `plugins_failed`: those that failed, and how."""
+    """What is known of a row, by stage, packed: what was measured in its pictures (`RowMeasurements`), with strips of
+    them (`RowStrips`) if pictures are wanted, its map (`RowMap`), and its picture (`RowPicture`); or why there is none.
+    `plugins_failed`: those that failed, and how."""
 
-    measured: StoredRecord[RowMeasurements] | None = None
-    strips: StoredRecord[RowStrips] | None = None
-    solved: StoredRecord[RowMap] | None = None
-    pictured: StoredRecord[RowPicture] | None = None
+    measured: bytes | None = None
+    strips: bytes | None = None
+    solved: bytes | None = None
+    pictured: bytes | None = None
     failure: Failure | None = None
     plugins_failed: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,10 +83,10 @@ def map_task(
     monitor: Monitor | None = None,
     *,
     with_pictures: bool = False,
-    frames: Parts | None = None,
+    frames: tuple[Path | None, str] = (None, ""),
 ) -> TaskResult:
-    """All records of rows that are seen in the same frames, from those that an earlier run kept. `frames`: where what
-    is measured in single frames is kept meanwhile.
+    """All records of rows that are seen in the same frames, from those that an earlier run kept. `frames`: file and key
+    of the journal in which what is measured in single frames is kept meanwhile.
 
     Linear algebra runs in one thread: sums then do not depend on how many cores a machine has. In another process no
     error is let out at all.
@@ -120,13 +122,14 @@ class _Group:
         self.job, self.rows, self.shown = job, rows, shown
         self.seconds: dict[str, float] = {}
         self.requests: dict[str, RowRequest] = {}
+        self.measured: dict[str, RowMeasurements] = {}
         for row in rows:
             try:
                 self.requests[row] = request_for(job, row)
             except SavmapError as error:
                 self._update(row, failure=Failure(error))
 
-    def measure(self, with_strips: bool, frames: Parts | None) -> None:
+    def measure(self, with_strips: bool, frames: tuple[Path | None, str]) -> None:
         """Walk along the rows' footage, but for those that are measured."""
         new = [row for row in self._sound() if self.rows[row].measured is None]
         if not new:
@@ -135,7 +138,7 @@ class _Group:
         if with_strips:
             site = self.job.site
             requests = [replace(request, strips=site.orthophotos, stills=site.panoramas) for request in requests]
-        with self._timed(MEASURED), Journal(frames) as journal:
+        with self._timed(MEASURED), Journal(*frames) as journal:
             for row in new:
                 if count := journal.earlier[row]:
                     self.shown.note(f"row {row}: what was measured in {count} frames is kept from an earlier run")
@@ -143,10 +146,11 @@ class _Group:
                 if isinstance(measured, SavmapError):
                     self._fail(request, measured)
                     continue
+                self.measured[request.name] = measured.measurements
                 self._update(
                     request.name,
-                    measured=StoredRecord(RowMeasurements, measured.measurements),
-                    strips=StoredRecord(RowStrips, measured.strips) if with_strips else None,
+                    measured=packed(measured.measurements),
+                    strips=packed(measured.strips) if with_strips else None,
                     plugins_failed=measured.measurements.failed,
                 )
 
@@ -157,7 +161,9 @@ class _Group:
             return
         with self._timed(SOLVED):
             warned = NoteCollector()
-            measured = [MeasuredRow(self.requests[row], record_of(self.rows[row].measured)) for row in names]
+            for name in set(names) - self.measured.keys():
+                self.measured[name] = unpacked(self.rows[name].measured or b"", RowMeasurements)
+            measured = [MeasuredRow(self.requests[name], self.measured[name]) for name in names]
             with warnings_as_notes(warned):
                 results = map_rows(measured, self.shown)
             for row, result in zip(measured, results, strict=True):
@@ -166,7 +172,7 @@ class _Group:
                 if isinstance(result, SavmapError):
                     self._fail(request, result)
                 else:
-                    self._update(request.name, solved=StoredRecord(RowMap, with_notes(result, warned.lines)))
+                    self._update(request.name, solved=packed(with_notes(result, warned.lines)))
 
     def picture(self) -> None:
         """Orthophotos of the rows' faces, none of a row in which no face is known; and stills of the camera's path. A
@@ -176,11 +182,11 @@ class _Group:
                 records = self.rows[row]
                 if records.pictured is None and records.solved is not None and records.strips is not None:
                     try:
-                        picture = picture_of(records.solved.record, records.strips.record)
+                        picture = picture_of(unpacked(records.solved, RowMap), unpacked(records.strips, RowStrips))
                     except SavmapError as error:
                         self.shown.note(f"row {row}: no orthophoto: {error}")
                     else:
-                        self._update(row, pictured=StoredRecord(RowPicture, picture))
+                        self._update(row, pictured=packed(picture))
 
     def fail(self, failure: Failure) -> None:
         """What is not mapped by now fails."""
@@ -203,12 +209,6 @@ class _Group:
         begin = time.monotonic()
         yield
         self.seconds[stage] = time.monotonic() - begin
-
-
-def record_of(stored: StoredRecord[Record] | None) -> Record:
-    """A record that is known to be there."""
-    assert stored is not None
-    return stored.record
 
 
 def picture_of(row: RowMap, strips: RowStrips) -> RowPicture:

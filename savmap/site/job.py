@@ -3,7 +3,6 @@
 import tempfile
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from numbers import Real
 from pathlib import Path
@@ -104,7 +103,10 @@ def job_for(
     """
     if (source / SITE_FILE).is_file():
         source = source / SITE_FILE
-    require_one_map(earlier, against, against_row)
+    if earlier is not None and against is not None:
+        raise SiteError("--trajectory and --against: give one of them; --trajectory is for the same footage once more")
+    if against_row is not None and against is None:
+        raise SiteError(f"--row {against_row}: says which row of an earlier map is filmed; give that with --against")
     if is_footage(source):
         content = video_content(source, camera_height_m, side, camera)
         draft = draft_of(content, SourceMap(str(source)), Path(), overrides)
@@ -120,14 +122,6 @@ def job_for(
     notes = (*notes_on(draft), *([note] if note else []))
     earlier, mapped = earlier and map_in(earlier), against and map_in(against)
     return Job(site, source, names, output, earlier, draft.places, notes, mapped, against_row)
-
-
-def require_one_map(earlier: Path | None, against: Path | None, against_row: str | None) -> None:
-    """Raise SiteError where options about an earlier map do not go together."""
-    if earlier is not None and against is not None:
-        raise SiteError("--trajectory and --against: give one of them; --trajectory is for the same footage once more")
-    if against_row is not None and against is None:
-        raise SiteError(f"--row {against_row}: says which row of an earlier map is filmed; give that with --against")
 
 
 def chosen_plugins(site: Site, named: Sequence[str] | None) -> tuple[Sequence[str], str]:
@@ -192,18 +186,13 @@ def prepare(folder: Path, files: Iterable[Path] = ()) -> None:
     the `files` could not be written below it."""
     if folder.is_file():
         raise OutputError(f"{folder}: is a file, not a folder; choose another -o")
+    probe = folder / f"{PREFIX}{uuid.uuid4().hex[:8]}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if is_url(folder):
-            probe = folder / f"{PREFIX}{uuid.uuid4().hex[:8]}"
-            try:
-                probe.write_bytes(bytes(LEAST_ROOM))
-            finally:
-                with suppress(OSError):
-                    probe.unlink(missing_ok=True)
-        else:
-            with tempfile.TemporaryFile(dir=folder) as stream:
-                stream.write(bytes(LEAST_ROOM))
+        try:
+            probe.write_bytes(bytes(LEAST_ROOM))
+        finally:
+            probe.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: nothing can be written there: {reason(error)}") from None
     if not is_url(folder):

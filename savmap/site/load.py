@@ -12,7 +12,7 @@ from savmap.files import yaml_text
 from savmap.files.atomic import reason
 from savmap.files.kinds import kind_of_file
 from savmap.files.texts import bounded_text, head_of, is_text
-from savmap.files.urls import in_folder, likely, on_disk
+from savmap.files.urls import in_folder
 from savmap.files.validation import Location, path_of
 from savmap.files.yaml_text import YamlError
 from savmap.site.layout import misaligned, misplaced, with_places
@@ -115,7 +115,7 @@ def read_draft(
         document = yaml_text.document(bounded_text(path, yaml_text.MOST_MB))
     except FileNotFoundError:
         advice = " (give one, or run in a folder that has a site.yaml)" if what == SITE_FILE else ""
-        raise SiteError(f"{path}: no such {what}{likely(path) or advice}") from None
+        raise SiteError(f"{path}: no such {what}{advice}") from None
     except OSError as error:
         raise SiteError(f"{path}: cannot be read as a {what}: {reason(error)}") from None
     except YamlError as error:
@@ -221,5 +221,5 @@ def _resolve(site: Site, folder: Path) -> Site:
 def _networks(plugins: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
     """Plugins' settings with their `model`, which every plugin has, taken from a folder."""
     named = {name: settings["model"] for name, settings in plugins.items() if isinstance(settings.get("model"), str)}
-    paths = {name: {"model": str(on_disk(folder / model))} for name, model in named.items()}
+    paths = {name: {"model": str(folder / model)} for name, model in named.items()}
     return {name: {**settings, **paths.get(name, {})} for name, settings in plugins.items()}

@@ -74,8 +74,8 @@ def _given(site: Site, row: str, plugin: str, location: Location) -> Location:
 
 
 def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
-    """Whether anything is given that might fix a row's scale: a reference, or a setting that its plugin says may do
-    so. A row that its camera sees in part needs none: it has a unit of its own."""
+    """Whether anything is given that might fix a row's scale: a reference, or one of a plugin's `scale_settings` (any
+    setting where it does not name them). A row that its camera sees in part needs none: it has a unit of its own."""
     if any(row_pass.clip.camera is not None for row_pass in site.rows[row].passes):
         return True
     for plugin in plugins:
@@ -89,6 +89,10 @@ def tells_scale(site: Site, row: str, plugins: Sequence[str]) -> bool:
 
 class Question(str):
     """What may be meant, and is more likely wrong."""
+
+
+class Unchecked(str):
+    """What is checked once something is put right."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +114,21 @@ def require_ready(job: Job) -> None:
     for too few frames, SolveError where nothing that was given could fix the scale, OutputError for a survey that
     cannot be read.
     """
-    settings = settings_problems(job.site, job.plugins, job.places)
-    checks = (earlier_map(job), footage(job), networks(job, named=True), references(job), survey(job))
-    for problem in chain(settings, *checks):
-        if isinstance(problem, SavmapError):
-            raise problem
+    for finding in findings(job, named=True):
+        if isinstance(finding, SavmapError):
+            raise finding
+
+
+def findings(job: Job, named: bool = False) -> Iterator[SavmapError | Footage | str]:
+    """All that is found, in the order in which it is quickly told. `named`: of networks only those that the site file
+    names."""
+    wrong = list(settings_problems(job.site, job.plugins, job.places))
+    yield from chain(wrong, earlier_map(job), footage(job))
+    if wrong:
+        text = "networks, references and views are checked once the plugins' settings are put right"
+        yield Unchecked(f"{job.source}: {text}")
+    else:
+        yield from chain(networks(job, named), references(job), questions(job), survey(job))
 
 
 def with_location(error: SavmapError, places: SourceMap, location: Location) -> SavmapError:
@@ -163,8 +177,7 @@ def earlier_map(job: Job) -> Iterator[SavmapError]:
     except OutputError as error:
         yield SiteError(f"--against: {error}" + ("" if job.against.is_file() else "; give a map.json or its folder"))
         return
-    local = not is_url(job.against) and not is_url(job.output)
-    if local and job.against.resolve().parent == job.output.resolve():
+    if job.against.resolve().parent == job.output.resolve():
         yield SiteError(f"--against: {job.against}: lies where this run writes its map; choose another -o")
     if job.against_row is not None and job.against_row not in rows:
         yield SiteError(f"--row {job.against_row}: {job.against} has no such row; it has {', '.join(rows)}")

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from savmap.errors import VideoError
-from savmap.files.urls import likely
 from savmap.types import Floats, Panorama, Planes, panorama_of
 from savmap.video.camera_kind import kind_of
 from savmap.video.clip import (
@@ -57,7 +56,7 @@ def probe(path: Path, images_fps: float = 30.0, panoramic: bool = True) -> Video
     """What a video file or a folder of pictures holds. Raises VideoError where it is missing, empty, cut off or, of a
     panoramic camera, not 2:1."""
     if not path.exists():
-        raise VideoError(f"{path}: no such file or folder{likely(path)}")
+        raise VideoError(f"{path}: no such file or folder")
     if path.is_dir():
         return _checked(probe_folder(path, images_fps), panoramic)
     if not path.is_file():

@@ -1,142 +1,136 @@
-"""Records kept in parts: what was kept is there again, up to what is damaged, and a disk that is full costs no work."""
+"""Records kept meanwhile: what was kept is there again, up to what is damaged, and a disk that is full costs no work."""
 
-from dataclasses import dataclass
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from savmap.errors import OutputError
 from savmap.files import journal as module
-from savmap.files.journal import Journal, Parts, counts, forget
+from savmap.files.journal import Journal, forget
 from savmap.types import Still, ViewSpec
 
 FIRST, SECOND = ViewSpec("a", 1.0), ViewSpec("b", 2.0)
 
 
-@dataclass
-class Shelf:
-    """Parts in memory."""
-
-    parts: dict[int, bytes]
-    full: bool = False
-
-    def load(self, part: int) -> bytes | None:
-        return self.parts.get(part)
-
-    def save(self, part: int, content: bytes) -> None:
-        if self.full:
-            raise OutputError("no room")
-        self.parts[part] = content
-
-    def drop(self, part: int) -> bool:
-        return self.parts.pop(part, None) is not None
-
-
 @pytest.fixture
-def kept(monkeypatch: pytest.MonkeyPatch) -> Shelf:
-    """Three records in three parts."""
-    monkeypatch.setattr(module, "KEEP_S", 0.0)
-    shelf = Shelf({})
-    with Journal(shelf) as journal:
+def kept(tmp_path: Path) -> Path:
+    """Three records."""
+    file = tmp_path / "row" / "frames"
+    with Journal(file, "key") as journal:
         journal.add("walk", 4, FIRST)
         journal.add("walk", 5, SECOND)
         journal.add("look", 4, SECOND)
-    return shelf
+    return file
 
 
-def records(parts: Parts) -> list[ViewSpec | None]:
-    journal = Journal(parts)
+def records(file: Path, key: str = "key") -> list[ViewSpec | None]:
+    journal = Journal(file, key)
     return [journal.get(ViewSpec, *place) for place in (("walk", 4), ("walk", 5), ("look", 4), ("look", 5))]
 
 
-def test_what_was_kept_is_there_again(kept: Shelf) -> None:
+def test_what_was_kept_is_there_again(kept: Path) -> None:
     assert records(kept) == [FIRST, SECOND, SECOND, None]
-    assert counts(kept) == {"walk": 2, "look": 1}
-    with Journal(kept) as journal:
+    with Journal(kept, "key") as journal:
+        assert journal.earlier == {"walk": 2, "look": 1}
         journal.add("look", 5, FIRST)
     assert records(kept)[3] == FIRST
-    assert counts(kept) == {"walk": 2, "look": 2}
 
 
-def test_records_wait_for_their_part_and_are_kept_at_the_end() -> None:
-    shelf, seen = Shelf({}), list[int]()
+def test_what_was_kept_of_anything_else_is_forgotten(kept: Path) -> None:
+    assert Journal(kept, "other", is_reader=True).earlier.total() == 0
+    assert records(kept) == [FIRST, SECOND, SECOND, None], "a reader forgets nothing"
+    assert records(kept, "other") == [None] * 4
+    assert records(kept) == [None] * 4
+
+
+def test_records_wait_and_are_kept_at_the_end(tmp_path: Path) -> None:
+    seen = list[bool]()
 
     def walk() -> None:
-        with Journal(shelf) as journal:
+        with Journal(tmp_path / "frames", "key") as journal:
             journal.add("walk", 4, FIRST)
-            seen.append(len(shelf.parts))
+            seen.append(Journal(tmp_path / "frames", "key", is_reader=True).has("walk", 4))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         walk()
-    assert seen == [0]
-    assert records(shelf)[0] == FIRST
+    assert seen == [False]
+    assert records(tmp_path / "frames")[0] == FIRST
 
 
-@pytest.mark.parametrize("damage", [b"", b"one", None])
-def test_what_is_behind_a_damaged_part_is_forgotten(kept: Shelf, damage: bytes | None) -> None:
-    if damage is None:
-        del kept.parts[2]
-    else:
-        kept.parts[2] = damage
+def test_what_is_behind_a_damaged_record_is_forgotten(kept: Path) -> None:
+    with closing(sqlite3.connect(kept)) as file, file:
+        file.execute("update records set content = ? where series = 'walk' and number = 5", (b"one",))
     assert records(kept) == [FIRST, None, None, None]
-    assert 1 in kept.parts
-    assert 2 not in kept.parts
 
 
-def test_a_journal_that_another_one_writes_is_read_on_from_where_it_stopped(kept: Shelf) -> None:
-    reader, loaded = Journal(kept), list[int]()
-    with Journal(kept) as writer:
+@pytest.mark.parametrize("size", [100, 5000])
+def test_a_damaged_file_is_begun_anew(kept: Path, size: int) -> None:
+    kept.write_bytes(kept.read_bytes()[:size])
+    assert records(kept) == [None] * 4
+    with Journal(kept, "key") as journal:
+        journal.add("walk", 4, FIRST)
+    assert records(kept)[0] == FIRST
+
+
+def test_what_another_process_keeps_meanwhile_is_read(kept: Path) -> None:
+    reader = Journal(kept, "key", is_reader=True)
+    with Journal(kept, "key") as writer:
         writer.add("look", 5, FIRST)
-    assert not reader.has("look", 5)
-    shelf = Shelf(kept.parts)
-    reader._parts = shelf
-    shelf.load = lambda part: loaded.append(part) or kept.load(part)  # type: ignore[method-assign,func-returns-value]
-    reader.read_on()
-    assert loaded == [4, 5]
+        assert not reader.has("look", 5)
+    assert reader.has("look", 5)
     assert reader.get(ViewSpec, "look", 5) == FIRST
 
 
-def test_records_of_another_kind_are_not_used(kept: Shelf) -> None:
+def test_records_of_another_kind_are_not_used(kept: Path) -> None:
     with pytest.raises(ValueError, match="not a stored Still"):
-        Journal(kept).get(Still, "walk", 4)
+        Journal(kept, "key").get(Still, "walk", 4)
 
 
-def test_a_full_disk_ends_the_keeping_not_the_work(kept: Shelf) -> None:
-    kept.full = True
-    with Journal(kept) as journal:
-        journal.add("walk", 6, FIRST)
-        journal.add("walk", 7, FIRST)
-        assert journal.get(ViewSpec, "walk", 6) == FIRST
-    assert Journal(kept).earlier.total() == 3
+def test_a_full_disk_ends_the_keeping_not_the_work(kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEEP_S", 0.0)
+    with Journal(kept, "key") as journal:
+        pages = journal._kept.execute("pragma page_count").fetchone()[0]
+        journal._kept.execute(f"pragma max_page_count = {pages}")
+        for number in range(100):
+            journal.add("walk", 6 + number, FIRST)
+        assert journal._full
+        assert all(journal.get(ViewSpec, "walk", 6 + number) == FIRST for number in range(100))
+    assert records(kept)[:3] == [FIRST, SECOND, SECOND]
 
 
-def test_a_part_is_written_before_much_waits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "KEEP_BYTES", 1)
-    shelf = Shelf({})
-    journal = Journal(shelf)
+@pytest.mark.parametrize("limit", ["KEEP_S", "KEEP_BYTES"])
+def test_records_are_kept_before_much_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
+    monkeypatch.setattr(module, limit, 0)
+    journal = Journal(tmp_path / "frames")
     journal.add("walk", 4, FIRST)
-    assert sorted(shelf.parts) == [0, 1]
-    assert journal.get(ViewSpec, "walk", 4) == FIRST
+    assert Journal(tmp_path / "frames", is_reader=True).get(ViewSpec, "walk", 4) == FIRST
 
 
-def test_without_parts_records_last_as_long_as_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_file_records_last_as_long_as_the_journal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "KEEP_S", 0.0)
     journal = Journal()
-    folder = journal._parts._folder  # type: ignore[attr-defined]
     journal.add("walk", 4, FIRST)
+    assert not journal._waiting
     assert journal.get(ViewSpec, "walk", 4) == FIRST
-    assert list(folder.iterdir())
-    del journal
-    assert not folder.exists()
+    assert not Journal().has("walk", 4)
 
 
-def test_forgotten_parts_are_dropped(kept: Shelf) -> None:
+def test_forgotten_records_are_gone(kept: Path) -> None:
     forget(kept)
-    assert kept.parts == {}
+    assert list(kept.parent.iterdir()) == []
 
 
-def test_where_no_temporary_folder_can_be_made_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "missing"))
-    with pytest.raises(OutputError, match=r"no temporary folder can be made .*: set TMPDIR to one"):
-        Journal()
+def test_nothing_is_written_through_a_link(kept: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(kept)
+    with Journal(tmp_path / "link", "other") as journal:
+        journal.add("walk", 4, SECOND)
+    assert records(kept)[0] == FIRST
+
+
+def test_a_file_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    (tmp_path / "row").touch()
+    with pytest.raises(OutputError, match=r"frames: cannot be opened"):
+        Journal(tmp_path / "row" / "frames")

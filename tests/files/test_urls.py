@@ -7,12 +7,10 @@ import upath
 from typer.testing import CliRunner
 
 from savmap.cli.app import app
-from savmap.errors import ModelError, OutputError, SiteError, VideoError
-from savmap.files.atomic import read_text, write_text
-from savmap.files.urls import in_folder, is_url, likely, on_disk, where
-from savmap.site.load import load_site
+from savmap.errors import SiteError
+from savmap.files.atomic import write_text
+from savmap.files.urls import is_url, where
 from savmap.video.reader import probe
-from savmap.vision.networks.segmenter import Segmenter
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "aisle-dev"
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -64,55 +62,3 @@ def test_a_map_from_url_to_url_is_that_from_path_to_path(tmp_path: Path) -> None
         app, ["map", str(tmp_path / "url.yaml"), "-o", there, "--jobs", "0"], catch_exceptions=False
     )
     assert "kept from an earlier run: row A" in again.output
-
-
-NFC, NFD = "G\u00fcter.mp4", "Gu\u0308ter.mp4"
-
-
-@pytest.mark.parametrize(("there", "given"), [(NFC, NFD), (NFD, NFC)])
-def test_a_name_in_another_normal_form_is_found(tmp_path: Path, there: str, given: str) -> None:
-    (tmp_path / there).mkdir()
-    (tmp_path / there / there).touch()
-    if (tmp_path / given).exists():
-        pytest.skip("this disk takes them for one")
-    assert on_disk(tmp_path / given / given) == tmp_path / there / there
-    assert where(str(tmp_path / given / given)) == tmp_path / there / there
-    assert in_folder(tmp_path, Path(given, given)) == tmp_path / there / there
-    (tmp_path / given).mkdir()
-    assert on_disk(tmp_path / given / given) == tmp_path / given / given
-
-
-def test_what_is_not_there_stays_as_it_is(tmp_path: Path) -> None:
-    for path in (tmp_path / "none" / NFD, Path("none") / NFD, Path(), Path("/")):
-        assert on_disk(path) == path
-    assert likely(tmp_path / "none") == ""
-
-
-def test_a_name_in_another_case_is_hinted_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "Aisle.MP4").touch()
-    if (tmp_path / "aisle.mp4").exists():
-        pytest.skip("this disk takes them for one")
-    monkeypatch.chdir(tmp_path)
-    hint = r"; there is Aisle.MP4"
-    with pytest.raises(VideoError, match=f"no such file or folder{hint}$"):
-        probe(Path("aisle.mp4"))
-    with pytest.raises(OutputError, match=rf"\(no such file or directory{hint}\)"):
-        read_text(Path("aisle.mp4"))
-    with pytest.raises(ModelError, match=f"no such model file{hint};"):
-        Segmenter(Path("aisle.mp4"))
-    with pytest.raises(SiteError, match=f"no such site file{hint}"):
-        load_site(Path("aisle.mp4"))
-
-
-def test_files_that_a_site_names_are_found(tmp_path: Path) -> None:
-    for name in (NFD, NFD.replace("mp4", "json"), NFD.replace("mp4", "onnx")):
-        (tmp_path / name).touch()
-    text = f"survey: {NFC[:-3]}json\nplugins: {{shelves: {{model: {NFC[:-3]}onnx}}}}\nrows: {{A: {{passes: [{{video: {NFC}}}]}}}}\n"
-    (tmp_path / "site.yaml").write_text(text, encoding="utf-8")
-    site = load_site(tmp_path / "site.yaml")
-    assert site.survey is not None
-    assert [
-        site.survey.exists(),
-        site.rows["A"].passes[0].video.exists(),
-        Path(site.plugins["shelves"]["model"]).exists(),
-    ] == 3 * [True]

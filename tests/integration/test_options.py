@@ -22,9 +22,11 @@ from savmap.apps.live import session
 from savmap.apps.live.session import LiveMapping
 from savmap.apps.live.sources import live_job
 from savmap.cli.app import _command, app
+from savmap.cli.commands import COMMANDS as CORE_COMMANDS
+from savmap.cli.commands import of_apps
 from savmap.errors import ChangedError, MustCheckError, NothingComparedError
 from savmap.files import journal
-from savmap.jobs.cache import _FrameParts
+from savmap.files.journal import Journal
 from savmap.maps.map_file import read_map
 from savmap.site.sections import CameraSection
 from savmap.types import Floats
@@ -66,7 +68,7 @@ ESTIMATE = re.compile(r"\babout .* (s|min|MB)\b")
 
 @dataclass(frozen=True)
 class Run:
-    """What a command wrote, its exit code, what it printed, and how many parts of frames it kept at most."""
+    """What a command wrote, its exit code, what it printed, and how many times it kept frames."""
 
     out: Path
     code: int
@@ -115,16 +117,16 @@ class Names:
 
 
 def here(words: list[str], out: Path) -> Run:
-    """A command in this process, which keeps each frame in a part of its own."""
-    parts, save = [0], _FrameParts.save
+    """A command in this process, which keeps each frame at once."""
+    parts, flush = list[Journal](), Journal.flush
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(journal, "KEEP_S", 0.0)
-        patch.setattr(_FrameParts, "save", lambda kept, part, content: (parts.append(part), save(kept, part, content)))
+        patch.setattr(Journal, "flush", lambda kept: (parts.append(kept), flush(kept)))
         patch.setattr(session, "PREVIEWED", 5)
         result = CliRunner().invoke(app, words)
     if result.exception is not None and not hasattr(result.exception, "exit_code") and result.exit_code != 0:
         raise result.exception
-    return Run(out, getattr(result.exception, "exit_code", result.exit_code), result.output, max(parts))
+    return Run(out, getattr(result.exception, "exit_code", result.exit_code), result.output, len(parts))
 
 
 def apart(words: list[str], out: Path) -> Run:
@@ -365,7 +367,7 @@ def test_each_option_has_a_case(command: str) -> None:
     words = {word for case in CASES.values() for word in case.command.split() if case.command.split()[0] == command}
     options = [
         {*parameter.opts, *parameter.secondary_opts}
-        for parameter in _command(command, {**COMMAND_TABLE, **of_apps()}[command]).params
+        for parameter in _command(command, {**CORE_COMMANDS, **of_apps()}[command]).params
         if parameter.param_type_name == "option"
     ]
     assert [sorted(names) for names in options if not names & words] == []

@@ -13,7 +13,7 @@ import pytest
 from savmap.apps.exchange.imports import model
 from savmap.apps.live.mapper import Mapper
 from savmap.errors import MustCheckError
-from savmap.jobs.executors import ProcessExecutor
+from savmap.jobs.executors import in_processes
 
 from ..video.made_up_video import demos_beginning
 
@@ -65,9 +65,7 @@ def as_module(*arguments: str, folder: Path) -> str:
 
 
 def test_workers_run_no_module_of_the_working_folder(folder: Path) -> None:
-    executor = ProcessExecutor(1)
-    executor.submit("one", operator.mul, 2, 21)
-    assert dict(executor.results()) == {"one": 42}
+    assert dict(in_processes({"one": (operator.mul, (2, 21))}, 1)) == {"one": 42}
 
 
 def test_the_live_mapper_runs_no_module_of_the_working_folder(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -22,6 +22,7 @@ def test_what_was_kept_comes_back_for_the_same_fingerprint_only(store: FolderCac
     assert store.load(NAME, "seen", "ab13") is None
     assert store.load(NAME, "solved", "ab12") is None
     assert store.load("other", "seen", "ab12") is None
+    assert store.load(NAME, "seen", None) == b"one\ntwo", "whatever it was made of"
 
 
 def test_what_is_cleared_is_gone_and_what_follows_is_kept(store: FolderCache) -> None:
@@ -48,12 +49,13 @@ def test_rows_keep_to_the_folder_whatever_their_names(store: FolderCache, tmp_pa
     assert files[0].parent.parent == tmp_path / "stages"
 
 
-@pytest.mark.parametrize("damage", [b"", b"one", b"one\ntwO", b"one\ntwo\n"])
-def test_a_damaged_file_is_made_again(store: FolderCache, tmp_path: Path, damage: bytes) -> None:
+@pytest.mark.parametrize("damage", [b"", b"one", b"one\ntwO", b"one\ntwo\n", None])
+def test_a_damaged_file_is_made_again(store: FolderCache, tmp_path: Path, damage: bytes | None) -> None:
     file = next(path for path in tmp_path.rglob("seen"))
     head = file.read_bytes().partition(b"\n")[0]
-    file.write_bytes(head + b"\n" + damage)
+    file.write_bytes(head + b"\n" + damage if damage is not None else b"")
     assert store.load(NAME, "seen", "ab12") is None
+    assert store.load(NAME, "seen", None) is None
 
 
 def test_one_run_at_a_time(tmp_path: Path) -> None:

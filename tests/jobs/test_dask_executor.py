@@ -16,7 +16,7 @@ from savmap.errors import MustCheckError, SavmapError
 from savmap.files.atomic import write_text
 from savmap.files.serialization import unpacked
 from savmap.jobs.cache import FolderCache
-from savmap.jobs.executors import DaskExecutor
+from savmap.jobs.executors import Cluster
 from savmap.jobs.scheduler import RunOptions, map_rows_of
 from savmap.site.job import job_for
 from savmap.types import RowMap
@@ -127,7 +127,7 @@ def test_other_blas_kernels_move_no_vertex_by_0_01_sigma(tmp_path: Path) -> None
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1800, check=False)
         assert done.returncode in (0, MustCheckError.exit_code), done.stdout + done.stderr
         used.append(done.stdout.splitlines()[0])
-        rows.append(unpacked(FolderCache(tmp_path / kernel).latest("A", "solved") or b"", RowMap))
+        rows.append(unpacked(FolderCache(tmp_path / kernel).load("A", "solved", None) or b"", RowMap))
     if used[0] == used[1]:
         pytest.skip(f"NumPy chooses no kernels: {used[0]}")
     pairs = [*zip(*(row.structures["shelves"] for row in rows), strict=True)]
@@ -141,7 +141,7 @@ def test_other_blas_kernels_move_no_vertex_by_0_01_sigma(tmp_path: Path) -> None
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("savmap.jobs.executors.CONNECT_S", 0.5)
     with pytest.raises(SavmapError, match="no Dask scheduler answers there"):
-        DaskExecutor("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
+        Cluster("tcp://127.0.0.1:9", job_for(site(tmp_path), None, tmp_path))
 
 
 def test_a_worker_with_other_code_is_named(
@@ -151,4 +151,4 @@ def test_a_worker_with_other_code_is_named(
     with pytest.raises(
         SavmapError, match=r"worker tcp://.* would give another map: its savmap, plugins or libraries differ"
     ):
-        DaskExecutor(cluster[0], job_for(site(tmp_path), None, tmp_path))
+        Cluster(cluster[0], job_for(site(tmp_path), None, tmp_path))

@@ -3,13 +3,13 @@
 import operator
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from savmap.jobs.executors import ProcessExecutor, SerialExecutor, WorkerCrashedError
+from savmap.jobs.executors import Task, WorkerCrashedError, in_processes, in_turn
 from savmap.types.progress import Monitor, SilentMonitor
 
 DIES_ONCE = """
@@ -20,50 +20,26 @@ __import__("threading").Timer(0.3, __import__("os")._exit, [1]).start() or "done
 """.strip()
 
 
-def test_serial_executor_goes_on_from_results_first() -> None:
-    executor = SerialExecutor()
-    executor.submit("a", operator.mul, 2, 1)
-    found = []
-    for key, result in executor.results():
-        found.append((key, result))
-        if key == "a":
-            executor.submit("b", operator.mul, 2, 21)
-    assert found == [("a", 2), ("b", 42)]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_one_that_dies_is_told_and_the_others_are_done(jobs: int) -> None:
-    executor = ProcessExecutor(jobs)
-    for number in range(3):
-        executor.submit(number, operator.mul, 2, number)
-    executor.submit("bad", os._exit, 1)
-    executor.submit("wrong", int, "wrong")
-    found = {}
-    for key, result in executor.results():
-        found[key] = result
-        if key == 0:
-            executor.submit("late", operator.mul, 2, 50)
-    assert {key: found[key] for key in (0, 1, 2, "late")} == {0: 0, 1: 2, 2: 4, "late": 100}
+    tasks: dict[Hashable, Task] = {number: (operator.mul, (2, number)) for number in range(3)}
+    found = dict(in_processes({**tasks, "bad": (os._exit, (1,)), "wrong": (int, ("wrong",))}, jobs))
+    assert {key: found[key] for key in range(3)} == {0: 0, 1: 2, 2: 4}
     assert isinstance(found["bad"], WorkerCrashedError)
     assert isinstance(found["wrong"], ValueError)
 
 
 @pytest.mark.slow
 def test_work_that_was_only_near_is_done_again(tmp_path: Path) -> None:
-    executor = ProcessExecutor(2)
-    executor.submit("near", eval, DIES_ONCE, {"mark": str(tmp_path / "mark")})
-    executor.submit("other", operator.mul, 2, 4)
-    assert dict(executor.results()) == {"near": "second time", "other": 8}
+    near = (eval, (DIES_ONCE, {"mark": str(tmp_path / "mark")}))
+    assert dict(in_processes({"near": near, "other": (operator.mul, (2, 4))}, 2)) == {"near": "second time", "other": 8}
 
 
 @pytest.mark.slow
 def test_process_that_ends_between_tasks_costs_no_task() -> None:
-    executor = ProcessExecutor(1)
-    executor.submit("ends later", eval, ENDS_LATER, {})
-    executor.submit("next", operator.mul, 2, 4)
     found = {}
-    for key, result in executor.results():
+    for key, result in in_processes({"ends later": (eval, (ENDS_LATER, {})), "next": (operator.mul, (2, 4))}, 1):
         found[key] = result
         time.sleep(1.0)
     assert found == {"ends later": "done", "next": 8}
@@ -104,10 +80,9 @@ class Watcher(SilentMonitor):
 @pytest.mark.parametrize("jobs", [0, 2])
 def test_what_tasks_do_is_shown_meanwhile(jobs: int) -> None:
     watcher = Watcher()
-    executor = ProcessExecutor(jobs, shown=watcher.task) if jobs else SerialExecutor(watcher.task)
-    for frames in (3, 5):
-        executor.submit(frames, walk, frames)
-    assert dict(executor.results()) == {3: 3, 5: 5}
+    tasks: dict[Hashable, Task] = {frames: (walk, (frames,)) for frames in (3, 5)}
+    results = in_processes(tasks, jobs, shown=watcher.task) if jobs else in_turn(tasks, watcher.task)
+    assert dict(results) == {3: 3, 5: 5}
     assert watcher.steps == {"all": 2, "3 frames": 3, "5 frames": 5}
     assert sorted(watcher.lines) == sorted(f"{number} of {frames}" for frames in (3, 5) for number in range(frames))
     assert set(watcher.keys) == {3, 5}

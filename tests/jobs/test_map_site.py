@@ -66,7 +66,7 @@ def test_places_that_do_not_fit_cost_only_the_alignment(tmp_path: Path) -> None:
 
 
 def test_the_runs_record_counts_skipped_frames(job: Job) -> None:
-    progress = _Progress(job, NOTHING, NOTHING, NOTHING, (), NOTHING)
+    progress = _Progress(job, NOTHING, NOTHING, (), NOTHING, wants_pictures=False, is_here=True)
     assert progress.row_run(NAME, row(report={SKIPPED: 3})).skipped == 3
 
 

@@ -11,7 +11,7 @@ import pytest
 from savmap.errors import SavmapError, SiteError
 from savmap.files.journal import Journal
 from savmap.jobs import tasks
-from savmap.jobs.cache import FolderCache, NoCache, RowCache
+from savmap.jobs.cache import FolderCache
 from savmap.jobs.map_site import write_photo
 from savmap.jobs.scheduler import MappedRows, RunOptions, map_rows_of
 from savmap.jobs.tasks import RowPicture
@@ -80,7 +80,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
 
 
 def run(
-    cache: RowCache, folder: Path, notes: NoteCollector | None = None, orthophotos: bool = True, **overrides: float
+    cache: FolderCache, folder: Path, notes: NoteCollector | None = None, orthophotos: bool = True, **overrides: float
 ) -> MappedRows:
     job = job_for(EXAMPLE / "site.yaml", ["lights"], folder)
     references = job.site.references.model_copy(update=overrides)
@@ -155,14 +155,14 @@ def test_stills_wanted_later_are_measured_again(work: Work, tmp_path: Path) -> N
 
 
 def test_strips_reach_the_picture_where_nothing_is_kept(work: Work, tmp_path: Path) -> None:
-    assert "A" in run(NoCache(), tmp_path).orthophotos
+    assert "A" in run(FolderCache(tmp_path / "none"), tmp_path).orthophotos
 
 
 def test_row_without_a_picture_is_mapped_all_the_same(work: Work, tmp_path: Path) -> None:
     work.photo = None
     assert run(FolderCache(tmp_path), tmp_path).orthophotos == {}
     work.failure, notes = SavmapError("no room"), NoteCollector()
-    mapped = run(NoCache(), tmp_path, notes)
+    mapped = run(FolderCache(tmp_path / "none"), tmp_path, notes)
     assert list(mapped.rows) == ["A"]
     assert mapped.orthophotos == {}
     assert "row A: no orthophoto: no room" in notes.lines

@@ -90,15 +90,6 @@ def aimed(tmp_path: Path) -> PassPlan:
     return PassPlan("pass 1", Clip(video), {"one": ViewPlan((AHEAD, UP)), "two": ViewPlan((UP,))})
 
 
-class Shelf(dict[int, bytes]):
-    """Parts in memory."""
-
-    load, save = dict.get, dict.__setitem__
-
-    def drop(self, part: int) -> bool:
-        return self.pop(part, None) is not None
-
-
 def threads() -> set[threading.Thread]:
     return set(threading.enumerate())
 
@@ -221,20 +212,20 @@ def test_a_walk_that_was_cut_off_goes_on_there(
         middle = view.image.mean(axis=(0, 1))[:2]
         return [Feature(view.frame, view.spec.name, "light", "centre", 0, middle[None], np.eye(2)[None] * middle[0])]
 
-    def walked(parts: Shelf | None) -> bytes:
+    def walked(kept: Path | None) -> bytes:
         rooms = [room("one", extract), room("two", extract)]
-        with Journal(parts) as journal:
+        with Journal(kept) as journal:
             walk = driven(walk_of(rooms, plan, journal, appearance=True))
         seen = [walk.features, walk.packed_views, walk.stamps, walk.pass_of, walk.cuts, walk.notes, walk.followed]
         return packed([*seen, walk.markers.marks])
 
     plan = aimed if footage == "video" else replace(aimed, clip=Clip(pictures_of(aimed, tmp_path), images_fps=15.0))
-    shelf = Shelf()
+    kept = tmp_path / "frames"
     with pytest.raises(KeyboardInterrupt):
-        walked(shelf)
+        walked(kept)
     stops.clear()
     asked.clear()
-    whole = walked(shelf)
+    whole = walked(kept)
     assert sorted(set(asked)) == list(range(cut_off_at, 12))
     assert whole == walked(None)
     assert sorted(set(asked)) == list(range(12))
@@ -249,12 +240,11 @@ def pictures_of(aimed: PassPlan, folder: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(journals, "KEEP_S", 0.0)
-    shelf = Shelf()
+def test_what_is_measured_after_a_plugin_failed_is_not_kept(aimed: PassPlan, tmp_path: Path) -> None:
     rooms = isolated([room("one", lambda view, _: [] if view.frame < 3 else 1 / 0), room("two", lambda *_: [])])
-    driven(walk_of(rooms, aimed, Journal(shelf)))
-    assert journals.counts(shelf)["A"] == 3
+    with Journal(tmp_path / "frames") as journal:
+        driven(walk_of(rooms, aimed, journal))
+    assert Journal(tmp_path / "frames").earlier["A"] == 3
 
 
 @pytest.mark.slow
@@ -331,7 +321,7 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
             raise KeyboardInterrupt
         return []
 
-    def walked(parts: Shelf) -> tuple[bytes, list[int]]:
+    def walked(kept: Path | None) -> tuple[bytes, list[int]]:
         read: list[int] = []
 
         def counted(clip: Clip, *arguments: Any) -> Iterator[Panorama]:
@@ -340,22 +330,22 @@ def test_what_an_earlier_run_saw_is_not_decoded_again(tmp_path: Path, monkeypatc
                 yield panorama
 
         monkeypatch.setattr(drive, "panoramas", counted)
-        with Journal(parts) as journal:
+        with Journal(kept) as journal:
             row = walk_of([room("one", extract)], plan, journal, appearance=True)
             row.request = replace(row.request, references=References())
             walk = driven(row)
         seen = [walk.features, walk.stamps, walk.pass_of, walk.packed_views, walk.notes, walk.warnings, walk.followed]
         return packed(seen), read
 
-    stops, shelf = [True], Shelf()
+    stops, kept = [True], tmp_path / "frames"
     with pytest.raises(KeyboardInterrupt):
-        walked(shelf)
+        walked(kept)
     stops.clear()
     seen.clear()
-    again, read = walked(shelf)
+    again, read = walked(kept)
     assert seen == list(range(40, 45))
     assert read[0] >= 40 - 17 - MOST_PASSED
-    assert (again, list(range(45))) == walked(Shelf())
+    assert (again, list(range(45))) == walked(None)
 
 
 @pytest.mark.slow

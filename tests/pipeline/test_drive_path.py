@@ -59,15 +59,6 @@ class Config(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class Shelf(dict[int, bytes]):
-    """Parts in memory."""
-
-    load, save = dict.get, dict.__setitem__
-
-    def drop(self, part: int) -> bool:
-        return self.pop(part, None) is not None
-
-
 @pytest.fixture(scope="module", autouse=True)
 def share() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
@@ -155,7 +146,7 @@ def test_frames_are_as_far_apart_as_the_face_is_away(whole: WalkedRow) -> None:
 
 @pytest.mark.parametrize("cut_off_at", [0, 2, 4])
 def test_a_run_that_was_cut_off_goes_on_with_the_same_path(
-    filmed: list[Panorama], whole: WalkedRow, cut_off_at: int, monkeypatch: pytest.MonkeyPatch
+    filmed: list[Panorama], whole: WalkedRow, cut_off_at: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """It ends while a frame of the row is measured; what was measured before is not measured again."""
     monkeypatch.setattr(journals, "KEEP_S", 0.0)
@@ -167,11 +158,11 @@ def test_a_run_that_was_cut_off_goes_on_with_the_same_path(
             raise KeyboardInterrupt
 
     def walked() -> WalkedRow:
-        with Journal(shelf) as journal:
+        with Journal(kept) as journal:
             (row,) = driven([walk_of(journal, looks)], filmed)
         return row
 
-    shelf = Shelf()
+    kept = tmp_path / "frames"
     with pytest.raises(KeyboardInterrupt):
         walked()
     stops.clear()
@@ -181,13 +172,13 @@ def test_a_run_that_was_cut_off_goes_on_with_the_same_path(
 
 
 def test_a_run_that_ended_is_taken_up_without_following(
-    filmed: list[Panorama], whole: WalkedRow, monkeypatch: pytest.MonkeyPatch
+    filmed: list[Panorama], whole: WalkedRow, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """But for the last frame, whose picture is needed to follow points on from there."""
-    shelf = Shelf()
-    with Journal(shelf) as journal:
+    kept = tmp_path / "frames"
+    with Journal(kept) as journal:
         driven([walk_of(journal)], filmed[:8])
-    with Journal(shelf) as journal, drive.Drive([walk_of(journal)], Renderer(), DecodeReport()) as along:
+    with Journal(kept) as journal, drive.Drive([walk_of(journal)], Renderer(), DecodeReport()) as along:
         assert along.resume() == [panorama.stamp_s for panorama in filmed[:7]]
         for panorama in filmed[7:]:
             along.add(panorama)
@@ -195,15 +186,15 @@ def test_a_run_that_ended_is_taken_up_without_following(
     assert content(row) == content(whole)
 
 
-def test_points_never_get_the_number_of_another_one(filmed: list[Panorama]) -> None:
+def test_points_never_get_the_number_of_another_one(filmed: list[Panorama], tmp_path: Path) -> None:
     """Not even where a run is taken up at a frame in which nothing can be followed."""
     dark = replace(filmed[3], image=np.zeros_like(filmed[3].image))
     blinked = [*filmed[:3], dark, *filmed[4:7]]
     (uncut,) = driven([walk_of(whole := Journal())], blinked)
-    shelf = Shelf()
-    with Journal(shelf) as journal:
+    kept = tmp_path / "frames"
+    with Journal(kept) as journal:
         driven([walk_of(journal)], blinked[:4])
-    with Journal(shelf) as journal:
+    with Journal(kept) as journal:
         (row,) = driven([walk_of(journal)], blinked)
         series = drive_of("A", "pass 1")
         for number in range(len(blinked)):
@@ -253,12 +244,12 @@ def test_two_rows_get_the_same_key_frames_in_order(filmed: list[Panorama]) -> No
     assert np.median(steps[0] / steps[1]) == pytest.approx(SIDES_M[1] / AWAY_M, rel=0.05)
 
 
-def test_a_row_that_is_measured_again_alone_is_as_at_first(filmed: list[Panorama]) -> None:
+def test_a_row_that_is_measured_again_alone_is_as_at_first(filmed: list[Panorama], tmp_path: Path) -> None:
     """Beside a row with a nearer face it had more frames, of other numbers."""
-    shelf = Shelf()
-    with Journal(shelf) as journal:
+    kept = tmp_path / "frames"
+    with Journal(kept) as journal:
         driven([walk_of(journal, row="B", spec=BEHIND, attitude=BACK), walk_of(journal)], filmed)
-    with Journal(shelf) as journal:
+    with Journal(kept) as journal:
         (again,) = driven([walk_of(journal)], filmed)
     (alone,) = driven([walk_of()], filmed)
     assert content(again) == content(alone)

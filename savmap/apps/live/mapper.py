@@ -1,6 +1,6 @@
 """Provisional maps, made in a process of their own: the solver holds Python's lock, and the walk must not wait for it.
 
-The process is told which views the walk chose and which frames it measured, and reads what was measured from the files
+The process is told which views the walk chose and which frames it measured, and reads what was measured from the file
 of the walk's journal; no frame is sent to it.
 """
 
@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from savmap.apps.viewer.beside import PAGE
 from savmap.apps.viewer.page import View, write_view
 from savmap.errors import SavmapError, SiteError, StructureError, format_error
-from savmap.files.journal import Journal, Parts
+from savmap.files.journal import Journal
 from savmap.files.serialization import packed, unpacked
 from savmap.jobs.cache import FolderCache
 from savmap.jobs.executors import end_if_left, end_with_parent, working_folder_off_path
@@ -86,23 +86,6 @@ class MapReply:
     is_unseen: bool = False
 
 
-class ReadOnlyParts:
-    """Parts that another process writes."""
-
-    def __init__(self, parts: Parts) -> None:
-        self._parts = parts
-
-    def load(self, part: int) -> bytes | None:
-        return self._parts.load(part)
-
-    def save(self, part: int, content: bytes) -> None:
-        """Nothing: the other process keeps them."""
-
-    def drop(self, part: int) -> bool:
-        """Nothing is forgotten."""
-        return False
-
-
 class Mapper:
     """Maps a row of a job again and again, in another process, into the job's output folder. `key`: of the frames that
     the walk's journal keeps there. `others`: maps of other rows, which are written with each of its own."""
@@ -157,20 +140,20 @@ class Mapper:
 def _serve(line: Connection, job: Job, row: str, key: str, live_plan: LivePlan, others: bytes) -> None:
     end_with_parent()
     limit_hooks(job.site.plugin_timeout_s)
-    parts = ReadOnlyParts(FolderCache(job.output).frames(row, key))
-    maps = ProvisionalMaps(job, row, parts, live_plan, unpacked(others, dict))
+    journal = Journal(FolderCache(job.output).frames(row), key, is_reader=True)
+    maps = ProvisionalMaps(job, row, journal, live_plan, unpacked(others, dict))
     with suppress(EOFError, OSError), threadpool_limits(1, "blas"):
         while True:
             line.send_bytes(packed(maps.map(unpacked(line.recv_bytes(), MapRequest))))
 
 
 class ProvisionalMaps:
-    """Maps of what a walk has measured so far of a row, one after another. `parts`: of the walk's journal, of which
-    what was measured in a frame is read once. `others`: maps of other rows, written with each of its own."""
+    """Maps of what a walk has measured so far of a row, one after another. `journal`: of the walk; what was measured in
+    a frame is read once. `others`: maps of other rows, written with each of its own."""
 
-    def __init__(self, job: Job, row: str, parts: Parts, live_plan: LivePlan, others: Mapping[str, RowMap]) -> None:
+    def __init__(self, job: Job, row: str, journal: Journal, live_plan: LivePlan, others: Mapping[str, RowMap]) -> None:
         self.job, self.row, self.live_plan, self.others = job, row, live_plan, others
-        self._journal = Journal(parts)
+        self._journal = journal
         self._records: dict[int, FrameRecord] = {}
 
     def map(self, asked: MapRequest) -> MapReply:
@@ -212,7 +195,6 @@ class ProvisionalMaps:
 
     def _read(self, measured: frozenset[int]) -> dict[int, FrameRecord]:
         """What was measured, by frame; of a long row evenly chosen frames, so that neither time nor memory grow."""
-        self._journal.read_on()
         numbers = sorted(number for number in measured if self._journal.has(self.row, number))
         chosen = numbers[:: -(-len(numbers) // MOST_MAPPED) or 1]
         kept = {number: self._records.get(number) for number in chosen}

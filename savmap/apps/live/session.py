@@ -200,10 +200,10 @@ class LiveMapping:
         self.assistant = CaptureAssistant()
         self.latest: RowMap | None = None
         self._key = digest(live=job.site.model_dump(mode="json"), row=row)
-        self._parts = FolderCache(job.output).frames(row, self._key)
+        self._kept_in = FolderCache(job.output).frames(row)
         if not resume:
-            forget(self._parts)
-        self._journal = Journal(self._parts)
+            self.forget()
+        self._journal = Journal(self._kept_in, self._key)
         self._renderer, self._frames = _EndingRenderer(), _LatestFrames()
         self._follower, self._way, self._fronts = Follower(), Way(), list[float]()
         self._stamps: list[float] = []
@@ -288,7 +288,8 @@ class LiveMapping:
 
     def forget(self) -> None:
         """Let what was measured be forgotten, once the session has ended."""
-        forget(self._parts)
+        if self._kept_in is not None:
+            forget(self._kept_in)
 
     def __enter__(self) -> "LiveMapping":
         return self

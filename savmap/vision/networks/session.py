@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from savmap.errors import ModelError
 from savmap.files.atomic import sha256
-from savmap.files.urls import likely
 
 LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]*[\x00-\x7f])")
 """How a tensor's external data begin: a StringStringEntryProto (onnx.proto) whose key is `location`; then the length of
@@ -231,7 +230,7 @@ def open_network(
     Raises ModelError for a file that is missing or is no ONNX model.
     """
     if not path.is_file():
-        raise ModelError(f"{path}: no such model file{likely(path)}; {ADVICE}")
+        raise ModelError(f"{path}: no such model file; {ADVICE}")
     choice = choose(asked, available)
     notes = [choice.note] if choice.note else []
     failure: Exception | None = None

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict
 
 import savmap
 from savmap.apps.live import mapper, session, sources
-from savmap.apps.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps, ReadOnlyParts
+from savmap.apps.live.mapper import LivePlan, Mapper, MapReply, MapRequest, ProvisionalMaps
 from savmap.apps.live.session import STATE, LiveMapping, LiveState, end_told
 from savmap.apps.live.sources import live_job, recorded_job, recordings
 from savmap.apps.split.records import DetectedPass, SplitResult
@@ -33,7 +33,7 @@ from savmap.errors import (
     StructureError,
     VideoError,
 )
-from savmap.files.journal import Journal, TemporaryParts
+from savmap.files.journal import Journal
 from savmap.files.serialization import packed, unpacked
 from savmap.files.urls import where
 from savmap.jobs.cache_keys import measurement_key, strips_key
@@ -376,8 +376,7 @@ def test_a_long_row_is_mapped_from_evenly_chosen_frames(monkeypatch: pytest.Monk
     with Journal() as journal:
         for number in range(10):
             journal.add("1", number, FrameRecord({}))
-        maps = ProvisionalMaps(job, "1", TemporaryParts(), LivePlan({}), {})
-        maps._journal = journal
+        maps = ProvisionalMaps(job, "1", journal, LivePlan({}), {})
         monkeypatch.setattr(journal, "get", lambda kind, row, number: read.append(number) or FrameRecord({}))
         assert sorted(maps._read(frozenset({0, 1, 11}))) == [0, 1]
         assert sorted(maps._read(frozenset(range(12)))) == [0, 3, 6, 9]
@@ -399,27 +398,12 @@ def test_a_provisional_map_begins_with_the_drives_path(
     live_plan = LivePlan({"watcher": ViewPlan((AHEAD,), np.eye(3))})
     path = Trajectory(np.array([1, 3]), np.tile(np.eye(4), (2, 1, 1)))
     asked = unpacked(packed(MapRequest((0.0, 0.1, 0.2, 0.3), frozenset({1, 3}), path)), MapRequest)
-    reply = ProvisionalMaps(job, "1", TemporaryParts(), live_plan, {}).map(asked)
+    reply = ProvisionalMaps(job, "1", Journal(), live_plan, {}).map(asked)
     assert (reply.problem, reply.is_unseen, reply.frames) == ("no light shows", True, 2)
     (measurements,) = found
     assert len(measurements.facts.frames) == 4
     assert measurements.walked is not None
     assert measurements.walked.frames.tolist() == [1, 3]
-
-
-def test_a_reader_of_the_journal_forgets_nothing() -> None:
-    class Parts(dict[int, bytes]):
-        def load(self, part: int) -> bytes | None:
-            return self.get(part)
-
-        save, drop = dict.__setitem__, dict.pop
-
-    parts = Parts({1: b"x"})
-    reader = ReadOnlyParts(parts)
-    reader.save(2, b"y")
-    assert not reader.drop(1)
-    assert reader.load(1) == b"x"
-    assert set(parts) == {1}
 
 
 def test_one_row_of_one_pass_is_filmed(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ from pydantic import BaseModel, Field
 from savmap.errors import OutputError
 from savmap.files import yaml_text
 from savmap.files.atomic import read_json, read_text
-from savmap.files.urls import likely, on_disk
 from savmap.files.validation import checked
 from savmap.lab.label.polygons import Mask, Polygon, filled
 from savmap.lab.train.data.dataset import NO_MAPPING, Dataset, Sample, group_in, read_dataset, require_classes
@@ -103,9 +103,9 @@ def samples_of(datasets: Sequence[Dataset]) -> list[Sample]:
 def read_set(source: Path, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
     """One data set: a folder, or the JSON or YAML file of one. Raises OutputError, also for a folder that holds
     several: labels are corrected in one of them, and the others are out of date."""
-    source = on_disk(source)
+    source = _on_disk(source)
     if not source.exists():
-        raise OutputError(f"{source}: no such file or folder{likely(source)}; give {KINDS} (see docs/training.md)")
+        raise OutputError(f"{source}: no such file or folder; give {KINDS} (see docs/training.md)")
     readers = dict(_sets_in(source)) if source.is_dir() else {source: _reader_of(source)}
     if not readers:
         raise OutputError(f"{source}: no {HEADER}, nor labels of another kind; give {KINDS} (see docs/training.md)")
@@ -292,19 +292,30 @@ def _yolo_pictures(path: Path, base: str, place: str) -> Iterator[Path]:
     folder, part = _spellings(base)[-1], _spellings(place)[-1]
     inner = Path(*part.parts[1:]) if part.parts[:1] == ("..",) else part
     tried = [path.parent / relative for relative in (folder / part, part, inner)]
-    source = next(filter(Path.exists, map(on_disk, tried)), None)
+    source = next(filter(Path.exists, map(_on_disk, tried)), None)
     if source is None:
-        near = next(filter(None, map(likely, tried)), "")
-        raise OutputError(f"{path}: there is no {place} beside it{near}; put the pictures there, or correct the file")
+        raise OutputError(f"{path}: there is no {place} beside it; put the pictures there, or correct the file")
     if source.is_dir():
         yield from (file for file in source.iterdir() if file.suffix.lower() in SUFFIXES)
         return
     for line in filter(None, map(str.strip, read_text(source).splitlines())):
-        listed = [on_disk(source.parent / name) for name in _spellings(line)]
+        listed = [_on_disk(source.parent / name) for name in _spellings(line)]
         picture = next(filter(Path.is_file, listed), None)
         if picture is None:
-            raise OutputError(f"{source}: there is no picture {line}{likely(listed[-1])}")
+            raise OutputError(f"{source}: there is no picture {line}")
         yield picture
+
+
+def _on_disk(path: Path) -> Path:
+    """The path as the disk has it: a name that is not there is taken for one that differs in nothing but its Unicode
+    normal form, as names from Macs do (u with a diaeresis, in one character or two)."""
+    existing = Path(path.anchor)
+    for part in path.parts[bool(path.anchor) :]:
+        if not (existing / part).exists():
+            names = (entry.name for entry in (existing.iterdir() if existing.is_dir() else ()))
+            part = next((name for name in names if normalize("NFC", name) == normalize("NFC", part)), part)
+        existing /= part
+    return existing
 
 
 def _yolo_labels(picture: Path) -> Path:
@@ -434,11 +445,10 @@ def _picture_of(path: Path, name: str) -> Path:
     inner = (".", "images", f"images/{subset}", subset)
     folders = [base / folder for base in (path.parent, path.parent.parent) for folder in inner]
     spelt = [part for relative in _spellings(name) for part in (relative, relative.name)]
-    places = [on_disk(folder / part) for part in spelt for folder in folders]
+    places = [_on_disk(folder / part) for part in spelt for folder in folders]
     file = next(filter(Path.is_file, places), None)
     if file is None:
-        near = next(filter(None, map(likely, places)), "; put the pictures there")
-        raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/{near}")
+        raise OutputError(f"{path}: its picture {name} is neither beside it nor in images/; put the pictures there")
     return file
 
 
