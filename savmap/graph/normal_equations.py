@@ -71,7 +71,7 @@ class Layout:
         """The keys of all variables but poses."""
         return [int(key) for key in self.keys[self.widths == 3]]
 
-    @property
+    @cached_property
     def frames(self) -> list[int]:
         """The keys of the frames' poses."""
         return [int(key) for key in self.keys[self.keys >> 56 == ord(FRAME)]]

@@ -115,8 +115,9 @@ def _off_step(step: Floats) -> Callable[[gtsam.CustomFactor, gtsam.Values, list[
     def error(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
         first, second = map(values.atPose3, factor.keys())
         if jacobians is not None:
-            jacobians[0] = np.hstack([np.zeros((3, 3)), -first.rotation().matrix()])
-            jacobians[1] = np.hstack([np.zeros((3, 3)), second.rotation().matrix()])
+            slopes = np.zeros((2, 3, 6))
+            slopes[0, :, 3:], slopes[1, :, 3:] = -first.rotation().matrix(), second.rotation().matrix()
+            jacobians[0], jacobians[1] = slopes
         left: Floats = second.translation() - first.translation() - step
         return left
 
