@@ -13,9 +13,7 @@ from scipy.linalg import LinAlgError, cho_solve, cholesky
 from scipy.linalg.lapack import dpotri
 
 from savmap.errors import SolveError
-from savmap.graph.factors.projections import Graph
-from savmap.graph.keys import CENTRE
-from savmap.graph.normal_equations import UNDETERMINED, Equations, Layout, SharedUnknowns
+from savmap.graph.normal_equations import UNDETERMINED, Layout, Reduced, SharedUnknowns
 from savmap.types import Floats, Ints
 
 
@@ -70,7 +68,10 @@ class Covariances:
 
 
 def covariance(
-    graph: Graph, values: gtsam.Values, shared: SharedUnknowns | None = None, only: Collection[int] | None = None
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+    shared: SharedUnknowns | None = None,
+    only: Collection[int] | None = None,
 ) -> Covariance:
     """From a graph at its optimum. With `only` it is of these variables and the shared unknowns, without the frames'
     positions.
@@ -78,20 +79,17 @@ def covariance(
     Raises SolveError if the graph leaves a variable undetermined.
     """
     layout = Layout.of(values)
-    equations = Equations.of(graph, values, layout, shared)
-    reduced = equations.reduced()
+    reduced = Reduced.of(graph, values, layout, shared)
     keys = [key for key in layout.points if only is None or key in only]
-    place = np.full(len(equations.right), -1)
-    place[reduced.left] = np.arange(len(reduced.left))
-    points, biases = place[layout.slots(keys)[:, None] + np.arange(3)].ravel(), place[layout.size :]
+    points = np.searchsorted(reduced.left, layout.slots(keys)[:, None] + np.arange(3)).ravel()
+    biases = np.flatnonzero(reduced.left >= layout.size)
     chosen = np.append(points, biases)
-    right, _ = reduced.right(equations.right)
     joint, step, followed = _joint(
-        reduced.information, right, shared, np.arange(len(reduced.left)) if only is None else chosen
+        reduced.information, reduced.right, shared, np.arange(len(reduced.left)) if only is None else chosen
     )
     cameras = np.zeros((0, 3))
     if only is None:
-        cameras = reduced.variances(joint)[layout.slots(layout.of_kind(CENTRE))[:, None] + np.arange(3)]
+        cameras = reduced.place_variances(values, layout, joint)
         joint, followed = joint[np.ix_(chosen, chosen)], followed[chosen]
     size = len(points)
     of_points, of_shared = joint[:size, :size], joint[size:, size:]

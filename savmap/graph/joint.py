@@ -22,7 +22,7 @@ from savmap.errors import SolveError
 from savmap.graph.constraints import Relation
 from savmap.graph.covariance import Covariance, Covariances, covariance
 from savmap.graph.factors.problem_factors import along, estimate_of, other_factors, values_of
-from savmap.graph.factors.projections import Graph, Projections
+from savmap.graph.factors.projections import projection_factors
 from savmap.graph.factors.scene import MARKERS
 from savmap.graph.keys import (
     NO_ROW,
@@ -214,8 +214,8 @@ class JointRows:
             )
         return values
 
-    def _graph(self, iterates: Sequence[Iterate], values: gtsam.Values, robust: bool) -> Graph:
-        """All rows' factors, those of shared frames, and all rows' measurements."""
+    def _graph(self, iterates: Sequence[Iterate], values: gtsam.Values, robust: bool) -> gtsam.NonlinearFactorGraph:
+        """All rows' factors, those of shared frames, and all rows' measurements last."""
         graph = gtsam.NonlinearFactorGraph()
         for row, iterate in enumerate(iterates):
             others = other_factors(iterate.problem, iterate.estimate)
@@ -226,11 +226,10 @@ class JointRows:
                 graph.add(factor)
         for factor in equal_camera_heights([iterate.problem for iterate in iterates]):
             graph.add(factor)
-        pixels = [
-            Projections.of(iterate.kept, iterate.huber[iterate.fit.kept] if robust else None, row)
-            for row, iterate in enumerate(iterates)
-        ]
-        return Graph(graph, Projections.joined(pixels))
+        for row, iterate in enumerate(iterates):
+            for factor in projection_factors(iterate.kept, iterate.huber[iterate.fit.kept] if robust else None, row):
+                graph.add(factor)
+        return graph
 
     def _covariance(
         self, iterates: Sequence[Iterate], values: gtsam.Values, only: Collection[int] | None = None

@@ -12,7 +12,7 @@ import gtsam
 from savmap.types import Floats
 
 ORIGIN = int(gtsam.symbol("o", 0))
-FRAME, CENTRE, HEIGHT, POINT, POSE2, VECTOR3, TRANSFORM = "x", "c", "m", "p", "q", "v", "t"
+FRAME, HEIGHT, POINT, POSE2, VECTOR3, TRANSFORM = "x", "m", "p", "q", "v", "t"
 NAME_BITS, ROW_BITS = 24, 48
 NO_ROW = 255
 
@@ -28,11 +28,6 @@ def frame_key(frame: int) -> int:
 def is_frame(key: int) -> bool:
     """Whether a key is that of a frame's pose."""
     return bool(gtsam.symbolChr(key) == ord(FRAME))
-
-
-def centre_key(frame: int) -> int:
-    """Key of the camera's position in the world (Point3, m) at a frame."""
-    return int(gtsam.symbol(CENTRE, frame))
 
 
 def camera_height_key(index: int) -> int:

@@ -30,15 +30,14 @@ NAMED = 2
 class WarningKind:
     """What is told with a code: a headline, what to do (the subjects' names follow), and one line of explanation.
 
-    `of_elements`: its subjects are elements, and nothing is said of the others. `confirmable`: a person who looks at
-    the pictures can settle it. `of`: the noun that several of its subjects are counted by."""
+    `of_elements`: its subjects are elements, and nothing is said of the others. `of`: the noun that several of its
+    subjects are counted by."""
 
     headline: str
     action: str
     explanation: str
     of: str = "elements"
     of_elements: bool = False
-    confirmable: bool = False
 
 
 WARNINGS: Mapping[WarningCode, WarningKind] = {
@@ -48,7 +47,6 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
         "the probability that a mapped element exists, or one that was found and not mapped, is between 1 % and 99 %; "
         "without a probability: less than a fifth of the frames that should show an element measured it",
         of_elements=True,
-        confirmable=True,
     ),
     "inconsistent-element": WarningKind(
         "measurements of an element do not agree",
@@ -71,7 +69,6 @@ WARNINGS: Mapping[WarningCode, WarningKind] = {
         "these are dark or overexposed; or it saw something as often as what it mapped; or only a part of the row was "
         "found",
         of="parts",
-        confirmable=True,
     ),
     "reference-conflict": WarningKind(
         "a reference contradicts the rest",

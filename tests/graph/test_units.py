@@ -7,7 +7,7 @@ import pytest
 
 from savmap.errors import SolveError
 from savmap.graph.solver.judgement import reference_tests
-from savmap.graph.solver.judgement.contradictions import unit_of
+from savmap.graph.solver.judgement.contradictions import in_unit
 from savmap.graph.solver.judgement.reference_tests import ReferenceTest, refuse_contradiction
 from savmap.types import ReferenceUse
 
@@ -30,7 +30,10 @@ from savmap.types import ReferenceUse
 def test_a_unit_is_told_where_it_is_the_likeliest_cause(
     value: float, given_sigma: float, otherwise: float, sigma: float, unit: str
 ) -> None:
-    assert unit_of(value, given_sigma, otherwise, sigma) == unit
+    use = ReferenceUse("length", value, given_sigma, otherwise)
+    agreed: Any = SimpleNamespace(given=lambda name: use, rest=lambda name, out: (otherwise, sigma))
+    told = in_unit(agreed, "length", frozenset())
+    assert f" {unit} are " in told if unit else told == ""
 
 
 def test_a_reference_that_is_alone_is_asked_for_its_unit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,7 @@ def test_formats_are_timed_and_faults_counted(
     monkeypatch.setattr(exports, "VALIDATORS", {"glb": {"mine": lambda path: [f"{path.name} is odd"]}})
     assert exports.run(parser.parse_args(given))["glb"]["faults"] == 1
     assert "mine: 1 faults" in capsys.readouterr().out
-    assert set(exports.VALIDATORS) <= set(exports.FORMATS)
+    assert set(exports.VALIDATORS) <= set(exports.exporters())
 
 
 def test_lamps_count_as_a_rows_elements() -> None:

@@ -167,7 +167,7 @@ def test_a_structure_whose_measurements_do_not_fit_is_warned_of() -> None:
 
 def offset(*metres: float, used: int) -> Landmark:
     """A landmark whose measurements are so far off, the first of which were used."""
-    return Landmark(made.WALL[7], 1e-6 * np.eye(3), used, len(metres) - used, np.array(metres))
+    return Landmark(made.WALL[7], 1e-6 * np.eye(3), used, np.array(metres))
 
 
 @pytest.mark.parametrize(

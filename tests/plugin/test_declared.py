@@ -65,7 +65,7 @@ def test_constrain_is_given_keys_of_the_plugins_own() -> None:
 
 
 def test_describe_is_given_the_plugins_own_landmarks() -> None:
-    landmark = Landmark(np.zeros(3), np.eye(3), 4, 0)
+    landmark = Landmark(np.zeros(3), np.eye(3), 4)
 
     class Solved:
         def landmarks_of(self, plugin: str) -> dict[str, Landmark]:

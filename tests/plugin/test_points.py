@@ -119,7 +119,7 @@ def test_frames_that_could_show_a_point_are_counted() -> None:
 
 
 def point(place: tuple[float, float, float], sigma: float = 0.01) -> Landmark:
-    return Landmark(np.array(place), sigma**2 * np.eye(3), 5, 0)
+    return Landmark(np.array(place), sigma**2 * np.eye(3), 5)
 
 
 def solved() -> tuple[list[Track], dict[str, Landmark]]:

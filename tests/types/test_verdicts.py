@@ -5,7 +5,6 @@ from typing import get_args
 
 import pytest
 
-from savmap.site.model import Confirmed
 from savmap.types import MapWarning, ReferenceUse
 from savmap.types.verdicts import WARNINGS, WarningCode, by_code
 
@@ -33,11 +32,6 @@ def test_the_page_on_verdicts_explains_each_code() -> None:
     page = (ROOT / "docs" / "verdict.md").read_text(encoding="utf-8")
     rows = (f"| `{code}` | {kind.headline} | {kind.explanation} | {kind.action} |" for code, kind in WARNINGS.items())
     assert [row for row in rows if row not in page] == []
-
-
-def test_what_a_look_at_the_pictures_settles_can_be_confirmed() -> None:
-    codes = get_args(Confirmed.model_fields["code"].annotation)
-    assert {*codes} == {code for code, kind in WARNINGS.items() if kind.confirmable}
 
 
 def test_unknown_codes_and_texts_of_several_lines_are_refused() -> None:

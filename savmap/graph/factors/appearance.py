@@ -140,10 +140,7 @@ def motion(flow: Flow, poses: Floats, points: Floats, weights: Floats) -> tuple[
 
 def skew(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
-    made = np.zeros((*vectors.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        made[..., i, j], made[..., j, i] = -vectors[..., k], vectors[..., k]
-    return made
+    return np.asarray(np.cross(np.eye(3), vectors[..., None, :]))
 
 
 def motion_factor(frames: Ints, poses: Floats, slopes: Floats, errors: Floats) -> gtsam.CustomFactor:

@@ -1,11 +1,10 @@
-"""The problem as GTSAM's own compiled factors beside its measured pixels, and estimates as GTSAM values.
+"""The problem as GTSAM's factors, nearly all compiled, and estimates as GTSAM values.
 
-The position of each frame is a point variable beside its pose (`ReferenceFrameFactor` with the rig's origin), so that
-heights and motion are plain relations between points in the world's axes. Axes that a relation leaves free have no
-weight.
+A camera height is that of the rig's origin (`ReferenceFrameFactor`) in the world's axes. Axes that a relation leaves
+free have no weight.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import pairwise
 
@@ -13,8 +12,8 @@ import gtsam
 import numpy as np
 
 from savmap.graph.constraints import TIGHT_M, Relation
-from savmap.graph.factors.projections import Graph, Projections
-from savmap.graph.keys import ORIGIN, camera_height_key, centre_key, frame_key, variable_at
+from savmap.graph.factors.projections import projection_factors
+from savmap.graph.keys import ORIGIN, camera_height_key, frame_key, variable_at
 from savmap.graph.measurements import ImageMeasurements
 from savmap.graph.problem import Estimate, Problem, first_poses
 from savmap.types import Floats
@@ -26,9 +25,14 @@ MOTION_M = 0.5
 HELD_M, HELD_RAD = 1e-4, 1e-5
 
 
-def whole_graph(problem: Problem, at: Estimate, measurements: ImageMeasurements, huber: float | Floats | None) -> Graph:
-    """All factors of a problem, and `measurements`; `at` as below, and `huber` as in `Projections.of`."""
-    return Graph(other_factors(problem, at), Projections.of(measurements, huber))
+def whole_graph(
+    problem: Problem, at: Estimate, measurements: ImageMeasurements, huber: float | Floats | None
+) -> gtsam.NonlinearFactorGraph:
+    """All factors of a problem, those of `measurements` last; `at` as below, and `huber` as in `projection_factors`."""
+    graph = other_factors(problem, at)
+    for factor in projection_factors(measurements, huber):
+        graph.add(factor)
+    return graph
 
 
 def other_factors(problem: Problem, at: Estimate) -> gtsam.NonlinearFactorGraph:
@@ -69,10 +73,7 @@ def along(axis: int, sigma: float) -> gtsam.noiseModel.Diagonal:
 
 
 def _frame_factors(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
-    rigid = gtsam.noiseModel.Isotropic.Sigma(3, TIGHT_M)
-    yield gtsam.PriorFactorPoint3(ORIGIN, np.zeros(3), rigid)
-    for frame in problem.used.tolist():
-        yield gtsam.ReferenceFrameFactorPoint3Pose3(ORIGIN, frame_key(frame), centre_key(frame), rigid)
+    yield gtsam.PriorFactorPoint3(ORIGIN, np.zeros(3), gtsam.noiseModel.Isotropic.Sigma(3, TIGHT_M))
     if problem.camera.fixed is not None:
         yield from _held(problem)
         return
@@ -104,7 +105,23 @@ def _motion(problem: Problem, at: Estimate) -> Iterator[gtsam.NonlinearFactor]:
             step = at.poses[after, :3, 3] - at.poses[before, :3, 3]
             a, b = int(problem.used[before]), int(problem.used[after])
             noise = gtsam.noiseModel.Isotropic.Sigma(3, MOTION_M * np.sqrt(b - a))
-            yield gtsam.BetweenFactorPoint3(centre_key(a), centre_key(b), step, noise)
+            yield gtsam.CustomFactor(noise, [frame_key(a), frame_key(b)], _off_step(step))
+
+
+def _off_step(step: Floats) -> Callable[[gtsam.CustomFactor, gtsam.Values, list[Floats] | None], Floats]:
+    """How far the way from one frame to another is off a step (3,) in the world: GTSAM has no such factor, but in the
+    first frame's axes."""
+
+    def error(factor: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Floats] | None) -> Floats:
+        first, second = map(values.atPose3, factor.keys())
+        if jacobians is not None:
+            slopes = np.zeros((2, 3, 6))
+            slopes[0, :, 3:], slopes[1, :, 3:] = -first.rotation().matrix(), second.rotation().matrix()
+            jacobians[0], jacobians[1] = slopes
+        left: Floats = second.translation() - first.translation() - step
+        return left
+
+    return error
 
 
 def _heights(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
@@ -115,7 +132,7 @@ def _heights(problem: Problem) -> Iterator[gtsam.NonlinearFactor]:
         yield gtsam.PriorFactorPoint3(key, np.array([0.0, height.value_m, 0.0]), noise)
         for of_pass in problem.passes(height.passes):
             for frame in problem.used[of_pass].tolist():
-                yield gtsam.BetweenFactorPoint3(key, centre_key(frame), np.zeros(3), along(1, height.sway_m))
+                yield gtsam.ReferenceFrameFactorPoint3Pose3(ORIGIN, frame_key(frame), key, along(1, height.sway_m))
 
 
 def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:
@@ -124,7 +141,6 @@ def values_of(problem: Problem, estimate: Estimate) -> gtsam.Values:
     values.insert(ORIGIN, np.zeros(3))
     for frame, pose in zip(problem.used.tolist(), estimate.poses, strict=True):
         values.insert(frame_key(frame), gtsam.Pose3(pose))
-        values.insert(centre_key(frame), pose[:3, 3].copy())
     for key, point in zip(problem.keys.tolist(), estimate.points, strict=True):
         values.insert(key, point)
     for key, value in estimate.variables.items():

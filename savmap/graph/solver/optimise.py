@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Literal
 
+import gtsam
 import numpy as np
 from scipy.sparse import coo_array, csc_array
 
@@ -17,12 +18,12 @@ from savmap.errors import SolveError
 from savmap.graph.calibration import calibration_report
 from savmap.graph.covariance import Covariance, Covariances, covariance
 from savmap.graph.factors.problem_factors import HUBER, estimate_of, values_of, whole_graph
-from savmap.graph.factors.projections import Graph
+from savmap.graph.factors.projections import whitening
 from savmap.graph.initial.observability import SCALE_LIMIT, UnknownScaleError, robust_fit
 from savmap.graph.initial.outlier_references import START_SIGMA_M, not_seen
 from savmap.graph.initial.start import Start, aligned, moved, starts
 from savmap.graph.measurements import ImageMeasurements
-from savmap.graph.normal_equations import Equations, Layout, Reduced, SharedUnknowns
+from savmap.graph.normal_equations import Layout, Reduced, SharedUnknowns
 from savmap.graph.problem import Estimate, Problem, frames_of
 from savmap.graph.solver.judgement.contradictions import Judgement, judgement_of
 from savmap.graph.solver.judgement.reference_tests import (
@@ -320,14 +321,14 @@ def _rounds(
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
         huber = None if huber is None else begun.huber
-    row, reduced = f"row {problem.camera.facts.name}", None
+    row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):
         near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
         weighed = corrected.measurements.inflated(weight).take(kept)
         graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
         begin = values_of(corrected, estimate)
-        values = minimum(row, graph, begin, options.max_iterations, FINE if near else ROUGH, reduced)
+        values = minimum(row, graph, begin, options.max_iterations, FINE if near else ROUGH)
         estimate = estimate_of(corrected, values, estimate)
         corrected = problem.without(bias, estimate.poses, estimate.points)
         fit = fit_of(corrected, estimate, kept, options.reject_sigma)
@@ -336,7 +337,7 @@ def _rounds(
         weight = iterate.inflation
         yield iterate
         huber = None if huber is None else iterate.huber
-        step, reduced = _bias_step(iterate, huber) if number + 1 < options.rounds else (np.zeros(len(bias)), None)
+        step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
         if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return
         kept, bias = fit.kept, bias + step
@@ -359,8 +360,9 @@ def estimated_biases(iterate: Iterate) -> tuple[Floats, Floats]:
 def stepped(problem: Problem, iterate: Iterate, reject_sigma: float = SolveOptions.reject_sigma) -> Iterate:
     """After one Gauss-Newton step of all unknowns of a problem and its free biases, from an iterate that is corrected
     for its own; what fits, and the weights, are judged anew."""
-    step, layout, _ = _whole_step(iterate, iterate.huber)
-    moved = layout.moved(values_of(iterate.problem, iterate.estimate), step[: layout.size])
+    values, layout, reduced = _with_biases(iterate, iterate.huber)
+    step = reduced.solve()
+    moved = layout.moved(values, layout.vectors(step[: layout.size]))
     estimate, bias = estimate_of(problem, moved, iterate.estimate), iterate.bias.copy()
     bias[problem.measurements.biases.free] += step[layout.size :]
     corrected = problem.without(bias, estimate.poses, estimate.points)
@@ -368,27 +370,22 @@ def stepped(problem: Problem, iterate: Iterate, reject_sigma: float = SolveOptio
     return Iterate(corrected, bias, estimate, fit, persistence(corrected, fit))
 
 
-def _whole_step(iterate: Iterate, huber: Floats | None) -> tuple[Floats, Layout, Reduced]:
-    """The Gauss-Newton step of all variables, as they are laid out, and then of the free biases; and the elimination of
-    the normal equations that gave it."""
+def _with_biases(iterate: Iterate, huber: Floats | None) -> tuple[gtsam.Values, Layout, Reduced]:
+    """The variables of a solve, as they are laid out, and its normal equations with the free biases."""
     values = values_of(iterate.problem, iterate.estimate)
     layout, unknowns = Layout.of(values), bias_unknowns(iterate, huber).estimated()
-    equations = Equations.of(_graph_of(iterate, huber), values, layout, unknowns)
-    reduced = equations.reduced()
-    return reduced.solve(equations.right), layout, reduced
+    return values, layout, Reduced.of(_graph_of(iterate, huber), values, layout, unknowns)
 
 
-def _bias_step(iterate: Iterate, huber: Floats | None) -> tuple[Floats, Reduced | None]:
-    """The step that brings the free biases (k,) to their optimum, zeros where that is near; and the elimination of the
-    normal equations that gave it."""
+def _bias_step(iterate: Iterate, huber: Floats | None) -> Floats:
+    """The step that brings the free biases (k,) to their optimum, zeros where that is near."""
     free, step = np.flatnonzero(iterate.problem.measurements.biases.free), np.zeros(len(iterate.bias))
-    if not len(free):
-        return step, None
-    whole, layout, reduced = _whole_step(iterate, huber)
-    estimated = whole[layout.size :]
-    if (np.abs(estimated) > SETTLED_BIAS * np.sqrt(np.diag(reduced.last(len(free))))).any():
-        step[free] = estimated
-    return step, reduced
+    if len(free):
+        _, layout, reduced = _with_biases(iterate, huber)
+        estimated = reduced.solve()[layout.size :]
+        if (np.abs(estimated) > SETTLED_BIAS * np.sqrt(np.diag(reduced.last(len(free))))).any():
+            step[free] = estimated
+    return step
 
 
 def _initial_biases(problem: Problem, options: SolveOptions) -> Floats:
@@ -404,7 +401,7 @@ def _covariance(iterate: Iterate, huber: Floats | None, only: Collection[int] | 
     return covariance(_graph_of(iterate, huber), values, bias_unknowns(iterate, huber), only)
 
 
-def _graph_of(iterate: Iterate, huber: Floats | None) -> Graph:
+def _graph_of(iterate: Iterate, huber: Floats | None) -> gtsam.NonlinearFactorGraph:
     """The graph of what is kept, in Huber's loss unless that is None."""
     loss = None if huber is None else huber[iterate.fit.kept]
     return whole_graph(iterate.problem, iterate.estimate, iterate.kept, loss)
@@ -422,7 +419,7 @@ def bias_unknowns(iterate: Iterate, huber: Floats | None) -> SharedUnknowns:
 
 def _bias_columns(measurements: ImageMeasurements, slopes: Floats, errors: Floats, huber: Floats | None) -> csc_array:
     """Derivatives (2n, k) of whitened errors (n, 2), in Huber's loss, to biases: pixels move by `slopes` (n, 2, s)."""
-    whiten = np.linalg.inv(np.linalg.cholesky(measurements.covariances))
+    whiten = whitening(measurements.covariances)
     size = np.linalg.norm(errors, axis=1)
     weight = np.ones(len(size)) if huber is None else np.minimum(1.0, huber / np.maximum(size, 1e-9))
     biases = measurements.biases

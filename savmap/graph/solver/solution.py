@@ -35,25 +35,14 @@ does in one row of a thousand, and move the point of view of some ray by more th
 
 @dataclass(frozen=True, eq=False)
 class Landmark:
-    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, the numbers of used and of rejected
-    measurements. offsets (k,): the distance of each of these from the point, m; used ones first. Of a measurement on an
-    edge it is the distance across that edge."""
+    """A solved point: position (3,) m in the row's frame, covariance (3, 3) m^2, the number of used measurements.
+    offsets (k,): the distance of each measurement from the point, m; used ones first, then rejected ones. Of a
+    measurement on an edge it is the distance across that edge."""
 
     position: Floats
     covariance: Floats
     observations: int
-    rejected: int
     offsets: Floats = field(default_factory=lambda: np.zeros(0))
-
-
-@dataclass(frozen=True)
-class RejectedMeasurement:
-    """A measurement that did not fit."""
-
-    plugin: str
-    track: str
-    frame: int
-    view: str
 
 
 @dataclass(frozen=True)
@@ -109,7 +98,6 @@ class Solution:
     trajectory: Trajectory
     landmarks: Mapping[str, Mapping[str, Landmark]]
     references: tuple[ReferenceUse, ...]
-    rejected: tuple[RejectedMeasurement, ...]
     notes: tuple[str, ...]
     report: Mapping[str, float | int | str]
     keys: Mapping[str, Mapping[str, int]]
@@ -165,7 +153,6 @@ def build_solution(
         trajectory=trajectory(problem, estimate, np.sqrt(np.maximum(covariance.cameras, 0.0))),
         landmarks=_landmarks(problem, estimate, fit, covariance),
         references=tuple(test.use for test in tests),
-        rejected=tuple(_rejected(problem, fit)),
         notes=(*notes, *_notes(tests, share, sigma)),
         report={
             "observations": len(fit.kept),
@@ -236,8 +223,7 @@ def _landmarks(
     def landmark(key: int) -> Landmark:
         index, first = problem.index(key), slot[key]
         block = covariance.points[first : first + 3, first : first + 3]
-        count = int(used[index])
-        return Landmark(estimate.points[index], block, count, len(offsets[index]) - count, offsets[index])
+        return Landmark(estimate.points[index], block, int(used[index]), offsets[index])
 
     return {part.plugin: {name: landmark(key) for name, key in part.keys.items()} for part in problem.parts}
 
@@ -296,11 +282,3 @@ def _notes(tests: Sequence[ReferenceTest], share: float, sigma: float) -> Iterat
     yield from (test.line for test in tests if test.deviation > WARN_SIGMA)
     if share > MANY_REJECTED:
         yield f"{share:.0%} of the measurements did not fit and were left out"
-
-
-def _rejected(problem: Problem, fit: Fit) -> Iterator[RejectedMeasurement]:
-    measurements = problem.measurements
-    for number in np.flatnonzero(~fit.kept).tolist():
-        plugin, name = problem.name_of(int(measurements.keys[number]))
-        view = measurements.views[measurements.view[number]].name
-        yield RejectedMeasurement(plugin, name, int(measurements.frames[number]), view)

@@ -69,18 +69,6 @@ def test_both_rows_have_one_camera_path(aisle: tuple[made.World, made.World], to
     np.testing.assert_allclose(b_from_a[:, :3, :3], np.tile(truth[:3, :3], (len(both), 1, 1)), atol=2e-3)
 
 
-def test_sigmas_of_the_row_that_is_served_are_honest() -> None:
-    off: dict[int, list[np.ndarray]] = {0: [], 1: []}
-    for seed in range(20, 23):
-        rows = two_faces.faces(seed, frames=FRAMES)
-        solutions = solve_rows(two_faces.problems(*rows, np.random.default_rng(seed)), SAME)
-        x, y, sigma_x, sigma_y = made.errors(rows[1], solutions[1])
-        off[0].append(x[1:] / sigma_x[1:])
-        off[1].append(y / sigma_y)
-    for axis in (0, 1):
-        assert 0.6 < float(np.sqrt(np.mean(np.concatenate(off[axis]) ** 2))) < 1.4
-
-
 def test_references_that_contradict_across_the_aisle_are_named(aisle: tuple[made.World, made.World]) -> None:
     a, b = two_faces.problems(*aisle, off_m=0.7, camera_of_a=False)
     solutions = solve_rows([a, b], SAME)
@@ -104,8 +92,7 @@ def test_an_error_that_nothing_checks_is_told_of_both_rows(aisle: tuple[made.Wor
         assert 10 * sigma < error < hidden < 4 * error
 
 
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_height_in_feet_is_named_in_one_row_of_the_drive(aisle: tuple[made.World, made.World], order: int) -> None:
+def test_a_height_in_feet_is_named_in_one_row_of_the_drive(aisle: tuple[made.World, made.World]) -> None:
     """It is one reference: row B, which cannot tell by itself, was refused, and frames were said to be missing."""
     problems = two_faces.problems(*aisle)
     feet = problems[0].camera.references.camera_heights[0].value_m / 0.3048
@@ -114,7 +101,7 @@ def test_a_height_in_feet_is_named_in_one_row_of_the_drive(aisle: tuple[made.Wor
         references = replace(problem.camera.references, camera_heights=(CameraHeight(feet, 0.02),))
         return replace(problem, camera=replace(problem.camera, references=references))
 
-    of_a, of_b = solve_rows([in_feet(problem) for problem in problems][::order], SAME)[::order]
+    of_a, of_b = solve_rows([in_feet(problem) for problem in problems], SAME)
     assert isinstance(of_a, Solution)
     assert isinstance(of_b, Solution)
     (warning,) = of_a.warnings

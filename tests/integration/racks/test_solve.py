@@ -7,13 +7,10 @@ import pytest
 
 from savmap.graph import Problem, SolveOptions, camera_priors, locate_camera, merge, solve
 from savmap.graph.covariance import covariance
-from savmap.graph.factors.problem_factors import other_factors, values_of, whole_graph
+from savmap.graph.factors.problem_factors import values_of, whole_graph
 from savmap.graph.initial.start import starts
-from savmap.graph.keys import centre_key, frame_key
+from savmap.graph.keys import frame_key
 from savmap.graph.measurements import ImageMeasurements
-from savmap.graph.normal_equations import Equations, Layout
-from savmap.graph.problem import Estimate
-from savmap.graph.solver.levenberg_marquardt import minimum
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -69,7 +66,6 @@ def test_outliers_are_found(share: float) -> None:
     assert np.abs(x).mean() < 0.004
     assert np.abs(y).mean() < 0.003
     assert solution.report["rejected_share"] == pytest.approx(share, abs=0.015)
-    assert len(solution.rejected) == solution.report["rejected"]
 
 
 @pytest.mark.slow
@@ -90,63 +86,19 @@ def _inflated(problem: Problem) -> ImageMeasurements:
     return problem.measurements.inflated(np.full(len(problem.measurements), 1.5))
 
 
-def _gtsams(problem: Problem, estimate: Estimate, huber: float | None) -> gtsam.NonlinearFactorGraph:
-    """The whole graph with GTSAM's own projection factors."""
-    graph, measurements = other_factors(problem, estimate), _inflated(problem)
-    for number, (frame, key) in enumerate(zip(measurements.frames.tolist(), measurements.keys.tolist(), strict=True)):
-        view = measurements.views[measurements.view[number]]
-        lens = gtsam.Cal3_S2(*np.diag(view.camera)[:2], 0.0, *view.camera[:2, 2])
-        mount = gtsam.Pose3(gtsam.Rot3(view.rig_from_view), np.zeros(3))
-        noise = gtsam.noiseModel.Gaussian.Covariance(measurements.covariances[number])
-        if huber is not None:
-            noise = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Huber.Create(huber), noise)
-        pixel = measurements.pixels[number]
-        graph.add(gtsam.GenericProjectionFactorCal3_S2(pixel, noise, frame_key(frame), key, lens, mount))
-    return graph
-
-
 def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
     estimate = starts(problem, "linear")[0].estimate
     graph, values = whole_graph(problem, estimate, _inflated(problem), None), values_of(problem, estimate)
     ours = covariance(graph, values)
-    theirs = gtsam.Marginals(_gtsams(problem, estimate, None), values)
+    theirs = gtsam.Marginals(graph, values)
     for key in problem.keys.tolist()[::17]:
         np.testing.assert_allclose(ours.of([key]), theirs.marginalCovariance(key), rtol=1e-3, atol=1e-10)
     used = problem.used.tolist()
     for index in (0, 7, len(used) - 1):
-        place = np.diag(theirs.marginalCovariance(centre_key(used[index])))
-        np.testing.assert_allclose(ours.cameras[index], place, rtol=1e-3)
-
-
-@pytest.mark.parametrize("huber", [None, 1.345])
-def test_the_minimum_is_that_of_gtsam(small: made.World, huber: float | None) -> None:
-    problem = made.problem(small, made.begin(small, 1.1))
-    estimate = starts(problem, "linear")[0].estimate
-    graph, values = whole_graph(problem, estimate, _inflated(problem), huber), values_of(problem, estimate)
-    whole = _gtsams(problem, estimate, huber)
-    assert graph.error(values) == pytest.approx(whole.error(values))
-    ours = minimum("row A", graph, values, change=1e-9)
-    theirs = gtsam.LevenbergMarquardtOptimizer(whole, ours).optimize()
-    assert graph.error(ours) == pytest.approx(whole.error(theirs), rel=1e-7)
-    for key in problem.keys.tolist():
-        np.testing.assert_allclose(ours.atPoint3(key), theirs.atPoint3(key), atol=5e-3)
-
-
-def test_an_elimination_serves_systems_near_it(small: made.World) -> None:
-    problem = made.problem(small, made.begin(small))
-    estimate = starts(problem, "linear")[0].estimate
-    values = values_of(problem, estimate)
-    layout = Layout.of(values)
-    first, second = (
-        Equations.of(whole_graph(problem, estimate, measurements, 1.345), values, layout)
-        for measurements in (_inflated(problem), problem.measurements)
-    )
-    exact = second.reduced().solve(second.right)
-    np.testing.assert_allclose(second.times(exact), second.right, rtol=1e-6, atol=1e-3)
-    near = second.step(first.reduced(), 0.0)
-    assert near is not None
-    np.testing.assert_allclose(near, exact, atol=1e-4)
+        turn = estimate.poses[index, :3, :3]
+        place = turn @ theirs.marginalCovariance(frame_key(used[index]))[3:, 3:] @ turn.T
+        np.testing.assert_allclose(ours.cameras[index], np.diag(place), rtol=1e-3)
 
 
 def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> None:

@@ -1,6 +1,5 @@
 """A wrong reference never buys its fit with what was seen of its landmark: it is named, and left out where the rest is clear."""
 
-import re
 from dataclasses import replace
 
 import made_up_rack as made
@@ -21,9 +20,6 @@ from savmap.graph import (
     merge,
     solve,
 )
-from savmap.graph.initial.start import starts
-from savmap.graph.solver.judgement.soft_references import holding_scale, softened
-from savmap.graph.solver.optimise import SOFT_ROUNDS, SolveOptions, refined
 from savmap_shelves.constraints import GridSettings, constrain
 
 pytestmark = pytest.mark.slow
@@ -53,8 +49,8 @@ def largest_error(world: made.World, solution: Solution) -> float:
     return float(max(np.abs(x).max(), np.abs(y).max()))
 
 
-@pytest.mark.parametrize("off", [0.05, -0.05, 0.5, -0.12])
-def test_a_height_typed_wrong_is_named_and_left_out(four: made.World, off: float) -> None:
+def test_a_height_typed_wrong_is_named_and_left_out(four: made.World) -> None:
+    off = 0.5
     solution = solve(typed(four, off))
     [warning] = solution.warnings
     given, true = four.rack.lowest[-1] + off, four.rack.lowest[-1]
@@ -65,16 +61,9 @@ def test_a_height_typed_wrong_is_named_and_left_out(four: made.World, off: float
     assert largest_error(four, solution) < 0.02
 
 
-def test_a_right_row_has_no_warnings(four: made.World) -> None:
-    assert made.solved(four).warnings == ()
-
-
-def test_on_contradiction_refuse(four: made.World) -> None:
+def test_on_contradiction_refuse_or_leave_out(four: made.World) -> None:
     with pytest.raises(SolveError, match=r"contradict.*bay 4 is given as"):
         solve(typed(four, 0.05, "refuse"))
-
-
-def test_on_contradiction_leave_out(four: made.World) -> None:
     solution = solve(typed(four, 0.05, "leave_out"))
     assert solution.warnings == ()
     assert any("bay 4 is given as" in line for line in solution.notes)
@@ -82,48 +71,16 @@ def test_on_contradiction_leave_out(four: made.World) -> None:
     assert largest_error(four, solution) < 0.02
 
 
-@pytest.mark.parametrize("above", [0.0, 0.4])
-def test_feet_that_guards_hide_do_not_contradict_a_measured_length(above: float) -> None:
-    """Nobody measured where the floor is: it is left out before the camera's height and a length are."""
-    world = made.world(11, sections=4, frames=50, bridge=None)
-    feet = [made.foot(world, upright, above) for upright in range(5)]
-    begin = made.begin(world)
-    own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
-    given = made.references(world, camera=True, length=True)
-    solution = solve(merge(camera_priors(world.facts, begin, given), own))
-    warnings = [warning.details[0] for warning in solution.warnings]
-    assert [what.startswith("by what was measured, the uprights' feet are not on the floor") for what in warnings] == (
-        [True] if above else []
-    )
-    assert largest_error(world, solution) < 0.03
-
-
-def test_a_scale_that_rests_on_feet_alone_is_doubted() -> None:
-    """Guards may hide the feet of all uprights: the map is wrong by a sixth then, and nothing tells."""
-    world = made.world(11, sections=4, frames=50, bridge=None)
-    feet = [made.foot(world, upright, 0.0) for upright in range(5)]
-    begin = made.begin(world)
-    own = constrain([*world.tracks, *feet], world.facts, begin, settings=GridSettings())
-    for given, doubted in (made.references(world, length=False), True), (made.references(world), False):
-        solution = solve(merge(camera_priors(world.facts, begin, given), own))
-        warnings = [warning.details[0] for warning in solution.warnings]
-        assert [what.startswith("scale or place rest on the floor under the uprights") for what in warnings] == [
-            True
-        ] * doubted
-
-
-@pytest.mark.parametrize("above", [(-0.5,) * 5, (0.0, 0.3, 0.0, 0.3, 0.0)])
-def test_what_is_presumed_refuses_no_row(four: made.World, above: tuple[float, ...]) -> None:
-    """Neither feet below the floor, where a camera height or a length is wrong, nor feet at several heights."""
-    feet = [made.foot(four, upright, height) for upright, height in enumerate(above)]
+def test_what_is_presumed_refuses_no_row(four: made.World) -> None:
+    """Feet below the floor, where a camera height or a length is wrong."""
+    feet = [made.foot(four, upright, -0.5) for upright in range(5)]
     own = constrain([*four.tracks, *feet], four.facts, made.begin(four), settings=GridSettings())
     given = made.references(four, camera=True, length=True)
     solution = solve(merge(camera_priors(four.facts, made.begin(four), given), own))
     [warning] = solution.warnings
-    worst = max(above, key=abs)
     assert (warning.code, warning.subjects) == ("doubtful-scale", ())
     assert [use.name for use in solution.references if "floor" in use.name] == []
-    assert f"what was found instead is at {worst:.2f} m" in made.said(warning)
+    assert "what was found instead is at -0.50 m" in made.said(warning)
     assert largest_error(four, solution) < 0.02
 
 
@@ -150,34 +107,6 @@ def test_a_presumption_is_never_called_given(four: made.World) -> None:
         solve(merge(camera_priors(four.facts, made.begin(four), made.references(four, length=False)), own))
 
 
-def test_outliers_do_not_shrink_a_scene_with_soft_references() -> None:
-    """Beams that must be straight bend less, in metres, the smaller the scene is: it shrank by a quarter."""
-    world, random = made.world(11, sections=2, frames=24, bridge=None), np.random.default_rng(0)
-    feet = [made.foot(world, upright, 0.0) for upright in range(3)]
-    shifts = {track.name: 60.0 * random.choice([-1, 1]) for track in world.tracks if track.place.get("side") == "left"}
-    wrong = [
-        replace(track, pixels=track.pixels + np.array([0.0, shifts.get(track.name, 0.0)])) for track in world.tracks
-    ]
-    own = constrain([*wrong, *feet], world.facts, made.begin(world), settings=GridSettings())
-    problem = merge(camera_priors(world.facts, made.begin(world), made.references(world, length=False)), own)
-    [start] = starts(problem, "linear")
-    soft = holding_scale(softened(problem, {}), start.estimate.poses[:, :3, 3], start.estimate.points)
-    solved = refined(
-        soft, start.estimate, SolveOptions(rounds=SOFT_ROUNDS), np.zeros(len(soft.measurements.biases.prior))
-    )
-    assert np.ptp(solved.estimate.points[:, 0]) == pytest.approx(np.ptp(start.estimate.points[:, 0]), rel=0.02)
-
-
-def test_where_many_are_wrong_the_row_itself_is_asked_for_first() -> None:
-    """Two of six or seven wrong are mistakes; three may be the measurements of another row, or of its other side."""
-    world = made.world(11, sections=5, frames=50, bridge=None)
-    for wrong, hinted in ((0.12, -0.07, 0.2, 0, 0), True), ((0.12, -0.07, 0, 0, 0), False):
-        heights = [height + off for height, off in zip(world.rack.lowest, wrong, strict=True)]
-        first, *others = solve(problem(world, heights, made.references(world))).warnings
-        assert ("3 of 7 contradict the rest" in made.said(first)) == hinted
-        assert len(others) == (2 if hinted else 1)
-
-
 def test_of_two_that_give_the_scale_nobody_can_say() -> None:
     """With equal heights nothing but the camera's height and the length tell the scale."""
     world = made.world(6, sections=3, frames=40, bridge=None)
@@ -199,42 +128,23 @@ def test_of_two_that_give_the_scale_nobody_can_say() -> None:
         solve(problem(level, 0.3, far))
 
 
-def test_what_hardly_anything_checks_is_noted(four: made.World) -> None:
-    lines = made.solved(four).unchecked
-    name = "length upright 1 / left to upright 5 / right"
-    (note,) = (line for line in lines if line.endswith("To check it: one more length"))
-    assert re.fullmatch(
-        rf"not checked by a second reference: {name} \(an error of \d+ cm would stay hidden\)\. .*", note
-    )
-    (otherwise,) = (line for line in lines if line.startswith(f"{name} is given as "))
-    said = otherwise.split("all others say ")[1].split()
-    length = next(iter(made.references(four).lengths)).value_m
-    assert float(said[0]) == pytest.approx(length, abs=4 * float(said[3]))
-    assert max(map(len, lines)) < 180
-
-
-def test_a_wrong_length_does_not_bend_the_path_by_which_others_are_tracked(four: made.World) -> None:
+def test_a_length_in_feet_is_told_and_does_not_bend_the_path_by_which_others_are_tracked(four: made.World) -> None:
     """Lamps were looked for by a path three times as long: one was mapped 24 m long, four were missing."""
     lengths = tuple(replace(one, value_m=one.value_m / 0.3048) for one in made.references(four).lengths)
     given = replace(made.references(four), lengths=lengths)
-    located = locate_camera(problem(four, list(four.rack.lowest), given))
+    in_feet = problem(four, list(four.rack.lowest), given)
+    (warning,) = solve(in_feet).warnings
+    assert f"feet are {made.references(four).lengths[0].value_m:.3f} m" in made.said(warning)
+    located = locate_camera(in_feet)
     off = located.path.world_from_rig[:, :3, 3] - four.poses[located.path.frames, :3, 3]
     assert np.abs(off).max() < 0.3
 
 
-def test_a_length_in_feet_is_told(four: made.World) -> None:
-    lengths = tuple(replace(one, value_m=one.value_m / 0.3048) for one in made.references(four).lengths)
-    references = replace(made.references(four), lengths=lengths)
-    (warning,) = solve(problem(four, list(four.rack.lowest), references)).warnings
-    assert f"feet are {made.references(four).lengths[0].value_m:.3f} m" in made.said(warning)
-
-
-@pytest.mark.parametrize("height_m", [3.05, 2.0])
-def test_one_camera_height_alone_is_never_refuted(four: made.World, height_m: float) -> None:
+def test_one_camera_height_alone_is_never_refuted(four: made.World) -> None:
     """All heights above the floor are equal, and no length is given: a wrong height scales the map, which no picture shows."""
     level = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.3 for beams in four.rack.beams))
     world = made.seen_from(level, four.poses, np.random.default_rng(5))
-    solution = solve(problem(world, 0.3, References((CameraHeight(height_m, 0.02),))))
+    solution = solve(problem(world, 0.3, References((CameraHeight(2.0, 0.02),))))
     assert solution.warnings == ()
     assert not [line for line in solution.notes if "is given as" in line]
     hidden = "camera height (any error would stay hidden). To check it: a length"
@@ -249,16 +159,6 @@ def test_heights_that_nothing_contradicts_are_noted(four: made.World) -> None:
     assert line == f"not checked by a second reference: {hidden}"
 
 
-def test_of_two_profiles_the_other_one_is_no_excuse(four: made.World) -> None:
-    """A height is typed 6 cm too high on a beam that is thicker than the others, which makes it look like them: it is still doubted."""
-    thick = [beams.copy() for beams in four.rack.beams]
-    thick[1][0, 1] += 0.05
-    world = made.seen_from(replace(four.rack, beams=tuple(thick)), four.poses, np.random.default_rng(3))
-    heights = [value + 0.06 * (section == 1) for section, value in enumerate(world.rack.lowest)]
-    [warning] = solve(problem(world, heights, made.references(world))).warnings
-    assert "bay 2 is given as" in made.said(warning)
-
-
 def test_one_height_for_all_may_be_missing(four: made.World) -> None:
     """A bay without the lowest beam is no warning where one height was given for all of them, but it is where its own was."""
     own = replace(four.rack, beams=tuple(beams - beams[0, 0] + 0.25 for beams in four.rack.beams))
@@ -269,10 +169,9 @@ def test_one_height_for_all_may_be_missing(four: made.World) -> None:
     assert [warning.code for warning in each.warnings] == ["reference-conflict"]
 
 
-@pytest.mark.parametrize("seed", [12, 13])
-def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
+def test_one_height_for_all_where_a_bridge_has_none_so_low() -> None:
     """Equal heights agree best where the scene has no extent: that is no explanation. One more of them is wrong here."""
-    bridged = made.world(seed, sections=4, frames=50, bridge=2)
+    bridged = made.world(12, sections=4, frames=50, bridge=2)
     beams = list(bridged.rack.beams)
     for section, lowest in ((0, 0.25), (1, 0.125), (3, 0.25)):
         beams[section] = beams[section] - beams[section][0, 0] + lowest
@@ -285,15 +184,15 @@ def test_one_height_for_all_where_a_bridge_has_none_so_low(seed: int) -> None:
     assert largest_error(world, solution) < 0.05
 
 
-@pytest.mark.parametrize("hidden", [(0.9, 0.0, 0.7, 0.0, 0.0, 1.2), (0.9, 0.0, 0.7, -0.05, 0.0, 1.2)])
-def test_lowest_beams_that_goods_hide_in_half_of_the_sections_are_told(hidden: tuple[float, ...]) -> None:
-    """The next ones up were seen. Another height is wrong beside them, or none: of eight references only four or five are right."""
+def test_lowest_beams_that_goods_hide_in_half_of_the_sections_are_told() -> None:
+    """The next ones up were seen. Another height is wrong beside them: of eight references only four are right."""
+    hidden = (0.9, 0.0, 0.7, -0.05, 0.0, 1.2)
     world = made.world(11, sections=6, frames=60, bridge=None)
     heights = [seen - below for seen, below in zip(world.rack.lowest, hidden, strict=True)]
     solution = solve(problem(world, heights, made.references(world)))
     notes = [line for line in solution.notes if "was not seen; its height is not used" in line]
     assert [line.split(":")[0] for line in notes] == ["bay 1", "bay 3", "bay 6"]
-    assert any("bay 4" in line for line in solution.notes) is (min(hidden) < 0)
+    assert any("bay 4" in line for line in solution.notes)
     assert solution.warnings
     assert largest_error(world, solution) < 0.03
 

@@ -35,12 +35,11 @@ class Rays:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Places (p,) m along the axis; height (k,) m of each lamp's middle and its standard deviation (k,) m; half the
-    lamps' thickness, m; kept (n,): whether each ray fits."""
+    """Places (p,) m along the axis; height (k,) m of each lamp's middle; half the lamps' thickness, m; kept (n,):
+    whether each ray fits."""
 
     places: Floats
     heights: Floats
-    height_sigmas: Floats
     half_m: float
     kept: Bools
 
@@ -83,7 +82,6 @@ def _fit(rays: Rays, level_m: float, thick: bool) -> tuple[Fitted, float]:
     to_heights = np.zeros((lamps, size))
     to_heights[:, count] = 1.0
     to_heights[np.arange(lamps), count + 1 + np.arange(lamps)] = 1.0
-    sigmas = np.sqrt(np.einsum("ij,jk,ik->i", to_heights, spread, to_heights))
     half = float(parameters[-1]) if thick else 0.0
-    fitted = Fitted(parameters[:count], level_m + to_heights @ parameters, sigmas, half, relative_error < 1)
+    fitted = Fitted(parameters[:count], level_m + to_heights @ parameters, half, relative_error < 1)
     return fitted, float(np.sqrt(spread[-1, -1])) if thick else 0.0

@@ -6,7 +6,7 @@ rejected. So the row is solved with `softened` references first. Its shape is th
 they leave open follows the references, which are compared with it and with one another (see `agreement`).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -136,8 +136,9 @@ def _judged(problem: Problem, agreed: Agreement, explained: Sequence[Names], est
             return _left_out(problem, estimate, agreed, explained[0], wanted != "leave_out")
         return _presumed_less(problem, agreed, explained[0])
     suspects = _suspects(agreed, explained, clear)
-    lines = [f"{_line(problem, agreed, *suspect)}{_in_unit(agreed, *suspect)}" for suspect in suspects]
-    if not explained or wanted == "refuse" or (not clear and _is_gross(agreed, suspects)):
+    lines = [f"{_line(problem, agreed, *suspect)}{in_unit(agreed, *suspect)}" for suspect in suspects]
+    gross = any(is_gross(agreed.given(name).value, agreed.rest(name, out)[0]) for name, out in suspects)
+    if not explained or wanted == "refuse" or (not clear and gross):
         mistaken = frozenset[str]() if wanted == "refuse" else _mistaken(problem, agreed, explained)
         if not mistaken:
             raise contradiction(problem, "; or ".join(lines[:NAMED]))
@@ -174,19 +175,14 @@ def _explanations(problem: Problem, agreed: Agreement) -> list[Names]:
     if not all(len(agreed.all_names) - len(out) >= LEAST_LEFT for out in explained):
         explained = agreed.explanations(presumed)
     parts = _mistakable(problem, agreed)
-    is_simple = any(len(out) < 2 or out <= parts for out in explained)
-    return explained if is_simple or not _can_be_out(problem, agreed, parts) else [parts]
+    if any(len(out) < 2 or out <= parts for out in explained) or len(agreed.all_names) - len(parts) < LEAST_CHECKED:
+        return explained
+    return [parts] if agreed.agrees(parts) and _is_credible(problem, agreed, parts) else explained
 
 
 def _mistakable(problem: Problem, agreed: Agreement) -> Names:
     """References to parts that may have been taken for others."""
     return frozenset(item.name for item in problem.relations if item.note_if_outlier) & {*agreed.all_names}
-
-
-def _can_be_out(problem: Problem, agreed: Agreement, out: Names) -> bool:
-    """Whether the rest agrees without these, checks itself, and tells what they would have."""
-    enough = len(agreed.all_names) - len(out) >= LEAST_CHECKED
-    return enough and agreed.agrees(out) and _is_credible(problem, agreed, out)
 
 
 def _passed_over(problem: Problem, agreed: Agreement) -> Names:
@@ -225,14 +221,12 @@ def _possible(problem: Problem, agreed: Agreement, explained: list[Names]) -> li
     """The explanations that leave the scene some extent; all of them where none does. Equal heights of several bays
     also agree in a scene that has shrunk to a point, where every distance is 0. No such scene is real."""
     lengths = frozenset(item.name for item in problem.relations if item.name and item.b is not None)
-    left = [out for out in explained if not any(_is_nothing(agreed, name, out) for name in lengths & out)]
-    return left or explained
 
+    def is_nothing(name: str, out: Names) -> bool:
+        value, sigma = agreed.rest(name, out)
+        return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < agreed.given(name).value / ABSURD
 
-def _is_nothing(agreed: Agreement, name: str, out: Names) -> bool:
-    """Whether the rest says that a distance is nothing, and knows it."""
-    value, sigma = agreed.rest(name, out)
-    return value < NOTHING_SIGMA * sigma and value + NOTHING_SIGMA * sigma < agreed.given(name).value / ABSURD
+    return [out for out in explained if not any(is_nothing(name, out) for name in lengths & out)] or explained
 
 
 def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, warned: bool) -> Judgement:
@@ -246,15 +240,17 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
         if relation is not None and relation.presumed:
             notes.append(line_of(relation, otherwise))
             harmless, warning = False, MapWarning("doubtful-scale", details=(notes[-1],))
-        elif relation is not None and _is_of_another(relation, otherwise):
+        elif relation is not None and relation.note_if_outlier and otherwise > relation.value + REFUTED_M:
             notes.append(line_of(relation, otherwise))
             harmless, warning = relation.may_be_missing, not_seen(relation, otherwise, place)
         else:
-            in_unit = _in_unit(agreed, name, out)
-            line = f"{_line(problem, agreed, name, out)}{in_unit}: it is not used"
-            notes.append(f"{line}; measure it again")
-            harmless, details = False, (line, *(() if in_unit else _missing(problem, agreed, name, out)))
-            warning = _conflict(agreed, (name,), (name, out), details, place)
+            unit = in_unit(agreed, name, out)
+            details = [f"{_line(problem, agreed, name, out)}{unit}: it is not used"]
+            notes.append(f"{details[0]}; measure it again")
+            if not unit and is_gross(agreed.given(name).value, otherwise):
+                gap = where_frames_are_missing(problem)
+                details.append(f"a part of the row may be missing from the map{f' ({gap})' if gap else ''}")
+            harmless, warning = False, _conflict(agreed, (name,), (name, out), details, place)
         if warned and not harmless:
             warnings.append(warning)
     if len(warnings) >= max(SEVERAL, LARGE_SHARE * len(agreed.all_names)):
@@ -263,18 +259,6 @@ def _left_out(problem: Problem, soft: Estimate, agreed: Agreement, out: Names, w
         warnings[0] = replace(warnings[0], details=(line, *warnings[0].details))
     warnings += _granted(problem, agreed, out)
     return Judgement(without(problem, out), tuple(notes), tuple(warnings), *unchecked(problem, agreed, out))
-
-
-def _is_of_another(relation: Relation, otherwise: float) -> bool:
-    """Whether something else was seen than what the reference is of: the next one up."""
-    return bool(relation.note_if_outlier and otherwise > relation.value + REFUTED_M)
-
-
-def _missing(problem: Problem, agreed: Agreement, name: str, out: Names) -> Iterator[str]:
-    """What else may be wrong where a reference that is not used is off by far."""
-    if is_gross(agreed.given(name).value, agreed.rest(name, out)[0]):
-        gap = where_frames_are_missing(problem)
-        yield f"a part of the row may be missing from the map{f' ({gap})' if gap else ''}"
 
 
 def _presumed_less(problem: Problem, agreed: Agreement, out: Names) -> Judgement:
@@ -291,23 +275,15 @@ def _uncertain(
 ) -> Judgement:
     """With all of them, each as uncertain as it deviates."""
     wider = {name: abs(agreed.given(name).value - agreed.rest(name, out)[0]) for name, out in suspects}
-    details = (
-        "which one is wrong is not clear; each is used as inaccurate as it is off",
-        *lines,
-        *_or_the_camera(problem),
-    )
-    worst = max(suspects, key=lambda item: wider[item[0]])
-    warning = _conflict(agreed, [name for name, _ in suspects], worst, details)
-    return Judgement(with_sigmas(problem, wider), notes=(warning.line,), warnings=(warning,))
-
-
-def _or_the_camera(problem: Problem) -> Iterator[str]:
-    """What else may be wrong where the camera is taken to be perfect: lenses that stand apart bend the scene."""
-    if problem.camera.calibration is None:
-        yield (
+    details = ["which one is wrong is not clear; each is used as inaccurate as it is off", *lines]
+    if problem.camera.calibration is None:  # lenses that stand apart bend the scene
+        details.append(
             "if they are right, the camera's lenses may not fit together: try `calibration: {lens_distance: true}`, or "
             "`{panorama: true}`"
         )
+    worst = max(suspects, key=lambda item: wider[item[0]])
+    warning = _conflict(agreed, [name for name, _ in suspects], worst, details)
+    return Judgement(with_sigmas(problem, wider), notes=(warning.line,), warnings=(warning,))
 
 
 def _granted(problem: Problem, agreed: Agreement, out: Names) -> Iterator[MapWarning]:
@@ -326,10 +302,6 @@ def _scales(problem: Problem) -> Names:
     """References that give the scale each by itself, with where the floor is: camera heights and distances."""
     heights = (item.name for item in problem.camera.references.camera_heights)
     return frozenset((*heights, *(item.name for item in problem.relations if item.name and item.b is not None)))
-
-
-def _is_gross(agreed: Agreement, suspects: Iterable[tuple[str, Names]]) -> bool:
-    return any(is_gross(agreed.given(name).value, agreed.rest(name, out)[0]) for name, out in suspects)
 
 
 def _conflict(
@@ -355,26 +327,14 @@ def _line(problem: Problem, agreed: Agreement, name: str, out: Names) -> str:
     return f"{stated(use, name not in problem.not_given)}, but the rest {says}"
 
 
-def _unit_of(agreed: Agreement, name: str, out: Names) -> str:
-    """The unit in which a reference seems to be given instead of metres; "" where none is the likeliest cause."""
+def in_unit(agreed: Agreement, name: str, out: Names) -> str:
+    """A hint, where a reference seems to be given in another unit, in which it is what the rest says by no chance."""
     use, (otherwise, sigma) = agreed.given(name), agreed.rest(name, out)
-    return unit_of(use.value, use.sigma, otherwise, sigma)
-
-
-def _in_unit(agreed: Agreement, name: str, out: Names) -> str:
-    """A hint, where a reference seems to be given in another unit."""
-    unit, value = _unit_of(agreed, name, out), agreed.given(name).value
-    return f" ({value:.3f} {unit} are {value * UNITS[unit]:.3f} m)" if unit else ""
-
-
-def unit_of(value: float, given_sigma: float, otherwise: float, sigma: float) -> str:
-    """The unit other than metres in which a value, with its given standard deviation, is what the rest says, and that
-    for no chance; "" where there is none."""
     for unit, metres in UNITS.items():
-        within = UNIT_SIGMA * float(np.hypot(given_sigma * metres, sigma))
-        if abs(value * metres - otherwise) <= within:
-            likely = len(UNITS) * 2 * within < BY_CHANCE * max(abs(value), abs(otherwise))
-            return unit if likely else ""
+        within = UNIT_SIGMA * float(np.hypot(use.sigma * metres, sigma))
+        if abs(use.value * metres - otherwise) <= within:
+            likely = len(UNITS) * 2 * within < BY_CHANCE * max(abs(use.value), abs(otherwise))
+            return f" ({use.value:.3f} {unit} are {use.value * metres:.3f} m)" if likely else ""
     return ""
 
 
