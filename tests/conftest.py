@@ -1,10 +1,13 @@
-"""Tests of an extra are skipped where it is not installed. None depends on how fast the machine is.
+"""Tests of an extra are skipped where it is not installed. None depends on how fast the machine is, but that a test which is not marked `slow`
+fails where it takes far more of a processor than such a test may.
 
 Beside other workers, none computes with more than one thread of OpenMP (torch): waiting at full speed for one another takes most of their time.
 """
 
 import os
+import resource
 import tomllib
+from collections.abc import Generator
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -34,6 +37,10 @@ EXTRAS = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(
 ]
 
 
+MOST_S = 4.0
+"""Of a processor, in a test that is not marked `slow`: twice what it should take, for slower machines."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent / "lab" in item.path.parents:
@@ -46,6 +53,23 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     for extra in (name for mark in item.iter_markers("extra") for name in mark.args):
         if not installed(extra):
             pytest.skip(f"the extra `{extra}` is not installed")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Keep the tests that the README names short."""
+    began = processor_s()
+    result = yield
+    used = processor_s() - began
+    if used > MOST_S and not any(item.iter_markers("slow")) and not any(item.iter_markers("lab")):
+        pytest.fail(f"takes {used:.1f} s of a processor: mark it `slow`, or make it shorter")
+    return result
+
+
+def processor_s() -> float:
+    """Of this process and of those that it started and that ended."""
+    used = [resource.getrusage(whose) for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 @cache

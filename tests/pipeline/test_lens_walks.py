@@ -41,6 +41,7 @@ def off_path(poses: Floats, true: Floats) -> float:
     return float(np.sqrt(((b - scale * a @ (left @ right).T) ** 2).sum(axis=1).mean()) / np.ptp(b[:, 0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [1.0, 0.95, 1.05])
 def test_the_path_and_the_focal_length_are_found(wrong: float) -> None:
     true = walked_poses(40)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_map_properties import METRES, maps
@@ -37,6 +38,7 @@ def with_solids(site: SiteMap, depth: tuple[float, float, float]) -> SiteMap:
     return replace(site, rows=rows)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(maps(), st.tuples(st.floats(0.01, 2), st.floats(-2, 2), st.floats(-2, 2)), st.none() | ALIGNMENTS)
 def test_any_map_is_written_or_refused_in_one_line(
