@@ -1,6 +1,5 @@
 """The page of an inspection: counts, the worst findings with pictures, tables, limits, and what nobody checked."""
 
-import base64
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from savmap.apps.inspection.words import FindingText, text_of
 from savmap.report.numbers import fixed
 from savmap.report.page.tables import Cell, Line, Table, heads, number_cell
 from savmap.report.site_report import StructuresByRow
-from savmap.report.templating import rendered_page
+from savmap.report.templating import jpeg_address, rendered_page
 from savmap.types import Finding, FindingTable, Inspection, Orthophoto, SiteMap, Structure
 
 WORST = 10
@@ -97,7 +96,7 @@ def _worst(page: InspectionPage) -> Iterator[WorstFinding]:
         if row in page.photos and row not in pictures:
             pictures[row] = FacePictures(page.photos[row])
         part = pictures[row].finding(finding, elements_of(page, row)) if row in pictures else None
-        address = f"data:image/jpeg;base64,{base64.b64encode(part.content).decode()}" if part else ""
+        address = jpeg_address(part.content) if part else ""
         yield WorstFinding(text_of(row, finding), address)
 
 

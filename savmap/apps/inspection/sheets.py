@@ -1,6 +1,5 @@
 """Sheets of pictures: the parts of rows that an inspector wants to see, several to a page, and each as a file."""
 
-import base64
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, floor
@@ -10,7 +9,7 @@ from savmap.apps.inspection.page import InspectionPage
 from savmap.apps.inspection.pictures import FacePictures, PartPicture
 from savmap.apps.inspection.words import FindingText, text_of
 from savmap.files.atomic import file_name, write_bytes
-from savmap.report.templating import rendered_page
+from savmap.report.templating import jpeg_address, rendered_page
 from savmap.types import CloseUp, RowMap
 
 MOST_PX = 900
@@ -40,7 +39,7 @@ class SheetPicture:
     @property
     def address(self) -> str:
         """The picture as an address that needs no file."""
-        return f"data:image/jpeg;base64,{base64.b64encode(self.part.content).decode()}"
+        return jpeg_address(self.part.content)
 
     @property
     def resolution(self) -> str:

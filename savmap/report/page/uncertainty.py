@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.report.numbers import centimetres, fixed
 from savmap.report.page.summary import Summary
-from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads
+from savmap.report.page.tables import Cell, Line, Table, centimetre_cells, count_cell, heads
 from savmap.types import Bools, Floats, Structure
 
 SIZE_AXES = {"width": 0, "height": 1, "depth": 2}
@@ -98,5 +98,5 @@ def _rests_on(size: str, assumed: Bools) -> bool:
 def _line(name: str, values_m: Floats) -> Line:
     median, high = (float(value) for value in np.percentile(values_m, [50, 95]))
     chart = Cell("", median, heights=histogram(values_m))
-    figures = map(centimetre_cell, (median, high, float(values_m.max())))
+    figures = centimetre_cells(median, high, float(values_m.max()))
     return Line((Cell(name), chart, count_cell(len(values_m)), *figures))
