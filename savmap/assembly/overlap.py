@@ -94,7 +94,8 @@ def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
     spread = np.sqrt(of_a.sigma_m**2 + of_b.sigma_m**2)
     sigma = np.sqrt(np.mean(spread**2, axis=0))
     turns = of_a.poses[:, :3, :3] @ np.swapaxes(of_b.poses[:, :3, :3], 1, 2)
-    heading = _heading(Rotation.from_matrix(turns).mean().as_matrix())
+    turn = Rotation.from_matrix(turns).mean().as_matrix()
+    heading = float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
     centre_a, centre_b = places_a.mean(axis=0), places_b.mean(axis=0)
 
     def left(unknown: Floats) -> Floats:
@@ -125,11 +126,6 @@ def _common(of_a: Path, of_b: Path) -> tuple[Path, Path]:
 
 def _joined(paths: list[Path]) -> Path:
     return Path(*(np.concatenate([getattr(path, name) for path in paths]) for name in ("stamps_s", "poses", "sigma_m")))
-
-
-def _heading(turn: Floats) -> float:
-    """Angle about y of a rotation (3, 3) that is one about y, or nearly."""
-    return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
 
 
 def _turned(points: Floats, heading_rad: float) -> Floats:

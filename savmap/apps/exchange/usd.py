@@ -205,9 +205,5 @@ def _vector(values: Iterable[float]) -> str:
     return f"({', '.join(f'{round(float(value), 6) + 0.0!r}' for value in values)})"
 
 
-def _listed(texts: Iterable[str]) -> str:
-    return ", ".join(texts)
-
-
 def _indented(lines: Iterable[str]) -> list[str]:
     return [f"    {line}" if line else line for line in lines]

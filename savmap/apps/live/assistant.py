@@ -114,17 +114,13 @@ class CaptureAssistant:
             yield Advice("turning", "attention", f"The camera turns: turn it back to the {side}.", side)
         if self.tilt_deg > TILT_DEG:
             yield Advice("tilted", "attention", f"The camera leans by {self.tilt_deg:.0f} degrees: set it upright.")
-        if self.is_blurred():
+        latest, usual = np.median(list(self._sharpness)[-LEAST:]), np.percentile(self._sharpness, 75)
+        if len(self._sharpness) >= RECENT and bool(latest < BLUR * usual):
             yield Advice("blurred", "attention", "The picture is blurred: walk more slowly, or clean the lens.")
         if self.is_flickering():
             yield Advice(
                 "flicker", "attention", "Brightness flickers: set the shutter to 1/50 s or 1/60 s, as the mains."
             )
-
-    def is_blurred(self) -> bool:
-        """Whether the latest frames are much less sharp than is usual."""
-        latest, usual = np.median(list(self._sharpness)[-LEAST:]), np.percentile(self._sharpness, 75)
-        return len(self._sharpness) >= RECENT and bool(latest < BLUR * usual)
 
     def is_flickering(self) -> bool:
         """Whether brightness goes up and down from frame to frame."""

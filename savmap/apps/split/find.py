@@ -11,7 +11,7 @@ import numpy as np
 from savmap.apps.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps
 from savmap.apps.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.apps.split.passes import find_passes
-from savmap.apps.split.records import DetectedPass, SplitResult, SplitSettings
+from savmap.apps.split.records import SplitResult, SplitSettings
 from savmap.apps.split.site_rows import add_to_site, check_new, new_site
 from savmap.errors import StructureError, VideoError
 from savmap.files.atomic import write_bytes
@@ -92,7 +92,14 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
         )
     cuts_s = cuts(info, watch.suspects, settings)
     coarse = find_passes(motions, settings, cuts_s)
-    closer = _closer_stamps(coarse.passes, motions, settings)
+    ends = [end for detected in coarse.passes for end in (detected.start_s, detected.end_s)]
+    stamps = [motion.stamp_s for motion in motions]
+    wanted = set[float]()
+    for before, after in pairwise(stamps):
+        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
+            parts = round((after - before) / settings.closer_s)
+            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
+    closer = sorted(wanted)
     motions += _motions(info, closer, settings, report, monitor, "looking closer at their ends")
     result = find_passes(_in_order(motions), settings, cuts_s)
     if not result.passes:
@@ -116,18 +123,6 @@ def _motions(
     pairs = frame_pairs(info, stamps_s, settings, report)
     pairs = pairs if watch is None else watch.over(pairs)
     return [motion_of(pair) for pair in monitor.each(pairs, doing, len(stamps_s))]
-
-
-def _closer_stamps(passes: tuple[DetectedPass, ...], motions: list[Motion], settings: SplitSettings) -> list[float]:
-    """Times around the passes' ends, between the samples there."""
-    ends = [end for detected in passes for end in (detected.start_s, detected.end_s)]
-    stamps = [motion.stamp_s for motion in motions]
-    wanted = set[float]()
-    for before, after in pairwise(stamps):
-        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
-            parts = round((after - before) / settings.closer_s)
-            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
-    return sorted(wanted)
 
 
 def _in_order(motions: list[Motion]) -> list[Motion]:

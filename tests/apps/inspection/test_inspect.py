@@ -233,7 +233,9 @@ def test_plugins_are_asked_with_depths_and_the_other_rows(
 
     monkeypatch.setattr(Posts, "inspect", hookimpl(inspect))
     depths = FaceDepths(*np.eye(3), 1.0, np.zeros(1), np.zeros((1, 1, 1), np.float32), np.zeros((1, 1, 3)))
-    monkeypatch.setattr("savmap.jobs.api.kept_depths", lambda folder, row: depths if row.name == "A" else None)
+    monkeypatch.setattr(
+        "savmap.apps.inspection.api.kept_depths", lambda folder, row: depths if row.name == "A" else None
+    )
     savmap.inspect(tmp_path)
     assert [(list(others), given is depths) for others, given in asked] == [(["B"], True), (["A"], False)]
     assert [post.id for post in asked[0][0]["B"]] == ["post 1", "post 2", "post 3"]

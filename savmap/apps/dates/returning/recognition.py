@@ -122,7 +122,10 @@ def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
     places = likely_places(seen, rows)
     best = places[0][0] if places else None
     if best is not None and places[0][1] > SURE:
-        return replace(best, height_sigma_m=_height_sigma(rows[best.row]))
+        mapped = rows[best.row]
+        sigmas = elements_of(mapped.structures, kinds_of(mapped.structures)).middle_sigmas[:, 1]
+        measured = sigmas[sigmas < MEASURED_M]
+        return replace(best, height_sigma_m=float(np.median(measured)) if len(measured) else np.nan)
     rows_text = f"row {next(iter(rows))}" if len(rows) == 1 else "any row of the earlier map"
     if best is None:
         raise StructureError(
@@ -136,13 +139,6 @@ def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
         f"{'; row '.join(named[:NAMED])}{more}; name the row with --row, or film more of it: past an end, or something "
         "that is unlike the rest, such as a text"
     )
-
-
-def _height_sigma(mapped: RowMap) -> float:
-    """The usual standard deviation of a height in the map, m; not a number where no height was measured."""
-    sigmas = elements_of(mapped.structures, kinds_of(mapped.structures)).middle_sigmas[:, 1]
-    measured = sigmas[sigmas < MEASURED_M]
-    return float(np.median(measured)) if len(measured) else np.nan
 
 
 def likely_places(seen: RowMap, rows: Mapping[str, RowMap]) -> list[tuple[RowPlace, float]]:
@@ -378,17 +374,14 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
     """The places of one row with what the pass shows beyond the mapped part of it: the row may go on there as it is
     elsewhere. How alike its parts are, the best of the other places tells than the best one."""
     ordered = sorted(every, key=lambda scored: -scored.place.score)
-    others = (other for other in ordered[1:] if _is_elsewhere(ordered[0], other))
+    others = (
+        other for other in ordered[1:] if (not bool((np.abs(ordered[0].partners - other.partners) < ELSEWHERE_M).any()))
+    )
     alike = next((np.nan_to_num(other.gains, nan=0.0) for other in others), np.zeros(1))
     alike = np.broadcast_to(alike, ordered[0].gains.shape) if ordered else alike
     for scored in ordered:
         more = float(alike[scored.beyond].sum()) + scored.goes_on
         yield replace(scored.place, score=scored.place.score + more)
-
-
-def _is_elsewhere(best: Scored, other: Scored) -> bool:
-    """Whether no element has about the same partner in two hypotheses."""
-    return not bool((np.abs(best.partners - other.partners) < ELSEWHERE_M).any())
 
 
 def _scatter(off: Floats) -> float:
