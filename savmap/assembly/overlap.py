@@ -106,7 +106,8 @@ def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
     from scipy.optimize import least_squares  # half a second, which a site of one row does not need
 
     solved = least_squares(left, [0.0, 0.0, heading], loss="huber").x
-    length = float(np.ptp(places_b[:, [0, 2]] @ _along(places_b[:, [0, 2]])))
+    on_floor = (places_b - centre_b)[:, [0, 2]]
+    length = float(np.ptp(places_b[:, [0, 2]] @ np.linalg.svd(on_floor, full_matrices=False)[2][0]))
     by_ends = 2 * float(np.max(sigma[[0, 2]])) / max(length, 1e-3)
     turn_sigma = (by_ends**-2 + TURN_SIGMA_RAD**-2) ** -0.5
     misfit = max(1.0, float(np.median(left(solved)[:-1] ** 2)) / MEDIAN_SQUARE)
@@ -132,9 +133,3 @@ def _turned(points: Floats, heading_rad: float) -> Floats:
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     turned: Floats = points @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
     return turned
-
-
-def _along(places: Floats) -> Floats:
-    """The unit vector (2,) along which places (n, 2) spread most."""
-    axis: Floats = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
-    return axis

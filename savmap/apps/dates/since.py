@@ -32,8 +32,8 @@ class Since:
 
 def updated(earlier: SiteMap, passes: Mapping[str, RowMap], made_by: Mapping[str, str]) -> tuple[SiteMap, Since]:
     """The earlier map with passes of its rows, by name. Raises StructureError."""
-    result = update.updated(earlier, passes, made_by)
-    return result.site_map, Since(result.comparison)
+    site_map, comparison = update.updated(earlier, passes, made_by)
+    return site_map, Since(comparison)
 
 
 def changes_since(old_file: Path, new: SiteMap) -> Since:

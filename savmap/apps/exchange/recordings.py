@@ -288,15 +288,10 @@ def write_rerun(site: SiteMap, path: Path) -> None:
         )
         recording.log(place, strips, rerun.AnyValues(**_texts(element)), static=True)
     for frames in passes(site):
-        _drive(rerun, recording, frames)
+        place = ["drive", visible(frames.row), visible(frames.name)]
+        track = rerun.LineStrips3D([frames.world_from_rig[:, :3, 3]], colors=[(120, 120, 120)])
+        recording.log([*place, "path"], track, static=True)
+        for stamp, pose in zip(frames.stamps_s.tolist(), frames.world_from_rig, strict=True):
+            recording.set_time("video", duration=stamp)
+            recording.log([*place, "rig"], rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
     recording.disconnect()
-
-
-def _drive(rerun: Any, recording: Any, frames: PassFrames) -> None:
-    place = ["drive", visible(frames.row), visible(frames.name)]
-    recording.log(
-        [*place, "path"], rerun.LineStrips3D([frames.world_from_rig[:, :3, 3]], colors=[(120, 120, 120)]), static=True
-    )
-    for stamp, pose in zip(frames.stamps_s.tolist(), frames.world_from_rig, strict=True):
-        recording.set_time("video", duration=stamp)
-        recording.log([*place, "rig"], rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))

@@ -68,15 +68,11 @@ def sheet_pictures(page: InspectionPage) -> Iterator[SheetPicture]:
         for part in (part for said in page.inspection.rows.get(row, {}).values() for part in said.close_ups):
             picture = pictures.part(part.corners, most_px=MOST_PX)
             if picture is not None:
-                texts, measured = texts_at(page.site_map.rows[row], part), measured_of(page, row, part.subject)
+                findings = [finding for said in page.inspection.rows[row].values() for finding in said.findings]
+                of_part = [finding for finding in findings if finding.subjects == (part.subject,)]
+                measured = tuple(text_of(row, finding) for finding in of_part if finding.value is not None)
+                texts = texts_at(page.site_map.rows[row], part)
                 yield SheetPicture(row, part.title, texts, measured, picture)
-
-
-def measured_of(page: InspectionPage, row: str, subject: str) -> tuple[FindingText, ...]:
-    """The findings about a structure of a row and no other that have a value."""
-    findings = [finding for part in page.inspection.rows[row].values() for finding in part.findings]
-    measured = [finding for finding in findings if finding.subjects == (subject,) and finding.value is not None]
-    return tuple(text_of(row, finding) for finding in measured)
 
 
 def texts_at(row: RowMap, part: CloseUp) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import html
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.resources import files
@@ -153,19 +154,12 @@ def _head(path: str) -> str:
 
 def _scripts(part: str, folder: Path) -> set[str]:
     """The paths of the scripts in a part of a folder that savmap wrote there."""
-    if not (folder / part).is_dir():
-        return set()
-    files = (file for file in (folder / part).iterdir() if file.suffix == ".js" and file.is_file())
-    return {f"{part}/{file.name}" for file in files if _is_script(file, f"{part}/{file.name}")}
-
-
-def _is_script(file: Path, path: str) -> bool:
-    head = _head(path).encode()
-    try:
-        with file.open("rb") as stream:
-            return stream.read(len(head)) == head
-    except OSError:
-        return False
+    scripts = set[str]()
+    for path in (f"{part}/{file.name}" for file in (folder / part).glob("*.js")):
+        head = _head(path).encode()
+        with suppress(OSError), (folder / path).open("rb") as stream:
+            scripts |= {path} if stream.read(len(head)) == head else set()
+    return scripts
 
 
 def _kept_frames(name: str, folder: Path) -> list[int]:

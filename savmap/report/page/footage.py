@@ -1,7 +1,7 @@
 """Footage with the wireframe over it, at the places of a row that deserve a look: a person can check the map there
 without a survey."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from savmap.geometry.pinhole import intrinsics, project, rays_from_pixels
 from savmap.geometry.sphere import panorama_pixels_from_rays
 from savmap.report.templating import jpeg_address
-from savmap.types import Floats, MapWarning, RowMap, Still, Structure
+from savmap.types import Floats, RowMap, Still, Structure
 
 WIDTH_PX, HEIGHT_PX, JPEG_QUALITY = 480, 360, 80
 LEAST_HFOV_DEG, MOST_HFOV_DEG, ROOM = 40.0, 95.0, 1.6
@@ -66,7 +66,13 @@ def _subjects(row: RowMap) -> Iterator[Subject]:
     """What is worth a look: why, its points (n, 3) m, and the structures that it is about."""
     structures = _structures(row)
     warnings = row.verdict.warnings if row.verdict else ()
-    shown = [subject for warning in warnings if (subject := _subject(warning, structures)) is not None][:MOST_VIEWS]
+    shown = list[Subject]()
+    for warning in warnings:  # which names ids alone, so that all structures of such an id are meant
+        keys = frozenset(key for key in structures if key[1] in warning.subjects)
+        points = [structures[key].vertices for key in sorted(keys)] or [np.array([warning.place])]
+        if keys or warning.place is not None:
+            shown.append((warning.line, np.concatenate(points), keys))
+    shown = shown[:MOST_VIEWS]
     yield from shown
     shown_keys = frozenset[Key]().union(*(keys for _, _, keys in shown))
     weakest = sorted((key for key in structures if key not in shown_keys), key=lambda key: _support(structures[key]))
@@ -77,15 +83,6 @@ def _subjects(row: RowMap) -> Iterator[Subject]:
 
 def _structures(row: RowMap) -> dict[Key, Structure]:
     return {(plugin, structure.id): structure for plugin, group in row.structures.items() for structure in group}
-
-
-def _subject(warning: MapWarning, structures: Mapping[Key, Structure]) -> Subject | None:
-    """A warning names ids alone, so that all structures of such an id are meant."""
-    keys = frozenset(key for key in structures if key[1] in warning.subjects)
-    points = [structures[key].vertices for key in sorted(keys)]
-    if warning.place is not None and not points:
-        points = [np.array([warning.place])]
-    return (warning.line, np.concatenate(points), keys) if points else None
 
 
 def _support(structure: Structure) -> float:

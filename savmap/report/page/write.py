@@ -127,15 +127,11 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
         facts += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
     facts += [("references, contradicted", f"{references}, {off}")] if references else []
     facts += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {ties_off}")] if ties else []
-    return (*facts, *_run_tiles(report))
-
-
-def _run_tiles(report: Report) -> Facts:
-    log = report.log
-    if log is None:
-        return ()
-    kept = sum(1 for row in log.rows.values() if row.status == "kept")
-    return ("time on the clock", duration(log.wall_s)), *([("kept from earlier", str(kept))] if kept else [])
+    if report.log is not None:
+        facts += [("time on the clock", duration(report.log.wall_s))]
+        kept = sum(1 for row in report.log.rows.values() if row.status == "kept")
+        facts += [("kept from earlier", str(kept))] if kept else []
+    return tuple(facts)
 
 
 def _facts(row: Summary) -> Facts:

@@ -348,7 +348,9 @@ def _scored(here: Shown, name: str, other: Shown, laid: Laid, sigma: float) -> S
     partners[rows] = other.elements.middles[columns, 0]
     missed, beyond = _unexplained(here, other, laid, placed)
     order = np.argsort(placed[rows, 0], kind="stable")
-    pairs = tuple(_named(here.elements, other.elements, int(rows[k]), int(columns[k])) for k in order)
+    ours, theirs = (of.elements.structures for of in (here, other))
+    plugins = here.elements.plugins
+    pairs = tuple((str(plugins[i]), ours[i].id, theirs[j].id) for i, j in laid.pairs[order].tolist())
     to_common = np.array([[0.5, 0.5, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     covariance = to_common @ np.linalg.inv(laid.information) @ to_common.T
     score = float(np.nansum(gains)) + missed * float(np.log(MISSING))
@@ -374,9 +376,7 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
     """The places of one row with what the pass shows beyond the mapped part of it: the row may go on there as it is
     elsewhere. How alike its parts are, the best of the other places tells than the best one."""
     ordered = sorted(every, key=lambda scored: -scored.place.score)
-    others = (
-        other for other in ordered[1:] if (not bool((np.abs(ordered[0].partners - other.partners) < ELSEWHERE_M).any()))
-    )
+    others = (of for of in ordered[1:] if not (np.abs(ordered[0].partners - of.partners) < ELSEWHERE_M).any())
     alike = next((np.nan_to_num(other.gains, nan=0.0) for other in others), np.zeros(1))
     alike = np.broadcast_to(alike, ordered[0].gains.shape) if ordered else alike
     for scored in ordered:
@@ -387,10 +387,6 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
 def _scatter(off: Floats) -> float:
     """The standard deviation of differences of which most are chance."""
     return 1.48 * float(np.median(np.abs(off))) if len(off) else MOST_SIGMA_M
-
-
-def _named(here: Elements, other: Elements, i: int, j: int) -> tuple[str, str, str]:
-    return here.kinds[here.groups[i]][0], here.structures[i].id, other.structures[j].id
 
 
 def _gains(here: Elements, other: Elements, laid: Laid, off: Floats, counted: Bools, sigma: float) -> Floats:
