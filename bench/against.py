@@ -32,10 +32,9 @@ from bench.observed_rows import (
     tracked,
 )
 from bench.seeds import SETS, is_test, seeds
-from savmap.apps.dates.comparison import CHANGES, ElementChange
-from savmap.apps.dates.returning.frames import in_row
+from savmap.apps.dates.comparison.records import CHANGES, ElementChange
 from savmap.apps.dates.returning.recognition import SURE, likely_places
-from savmap.apps.dates.returning.update import updated
+from savmap.apps.dates.returning.update import in_row, updated
 from savmap.errors import SavmapError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
 from savmap.pipeline.recognising import assumed_length, frame_references

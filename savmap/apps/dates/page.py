@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap.apps.dates.comparison import CHANGES, Comparison, ElementChange, RowComparison, State
+from savmap.apps.dates.comparison.records import CHANGES, Comparison, ElementChange, RowComparison, State
 from savmap.apps.dates.comparison.texts import (
     change_name,
     change_text,

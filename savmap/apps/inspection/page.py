@@ -3,13 +3,16 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
 
 from savmap.apps.inspection.inspect import unchecked_of
 from savmap.apps.inspection.pictures import FacePictures
 from savmap.apps.inspection.words import FindingText, text_of
+from savmap.files.atomic import sha256
 from savmap.report.numbers import fixed
 from savmap.report.page.tables import Cell, Line, Table, heads, number_cell
-from savmap.report.site_report import StructuresByRow
+from savmap.report.site_report import StructuresByRow, log_beside
 from savmap.report.templating import jpeg_address, rendered_page
 from savmap.types import Finding, FindingTable, Inspection, Orthophoto, SiteMap, Structure
 
@@ -188,3 +191,35 @@ def _cell(value: str | float | None) -> Cell:
     if isinstance(value, str):
         return Cell(value)
     return Cell(str(value) if isinstance(value, int) else fixed(value, 3), float(value))
+
+
+NOT_RECORDED = "not recorded"
+DIGITS = 12
+"""Of the map's SHA-256, which tell it from any other."""
+Fact = tuple[str, str]
+
+
+def page_header(site_map: SiteMap, map_file: Path, limits: Path | None, drawing: Path | None) -> tuple[Fact, ...]:
+    """What a signed inspection must name: the map, when and of what footage it was made, the limits, and who computed:
+    names and values. The date and the footage are those of the run record beside the map, where it is of this map.
+    Raises OutputError where the map file cannot be read."""
+    log = log_beside(site_map, map_file)
+    footage = {
+        row: ", ".join(dict.fromkeys(file.name for file in run.footage.values()))
+        for row, run in (log.rows.items() if log else ())
+        if run.footage
+    }
+    return (
+        ("map", f"{map_file} (SHA-256 {sha256(map_file)[:DIGITS]}\N{HORIZONTAL ELLIPSIS})"),
+        ("mapped", " ".join(_mapped(site_map, log.ended[:10] if log else ""))),
+        ("rows", ", ".join(site_map.rows)),
+        ("footage", "; ".join(f"row {row}: {names}" for row, names in footage.items()) or NOT_RECORDED),
+        ("limits", str(limits) if limits else "the usual ones"),
+        ("drawing", str(drawing) if drawing else "none"),
+        ("inspected with", f"savmap {version('savmap')}"),
+    )
+
+
+def _mapped(site_map: SiteMap, date: str) -> Iterator[str]:
+    yield f"on {date}" if date else f"date {NOT_RECORDED}"
+    yield f"with savmap {site_map.made_by['savmap']}" if "savmap" in site_map.made_by else ""

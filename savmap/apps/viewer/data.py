@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from savmap.apps.dates.comparison import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
+from savmap.apps.dates.comparison.records import (
+    CHANGES,
+    Comparison,
+    Difference,
+    ElementChange,
+    RowComparison,
+    RowMotion,
+)
 from savmap.errors import visible
 from savmap.maps.exports.frames import alignment_of
 from savmap.maps.search import PART

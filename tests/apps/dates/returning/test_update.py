@@ -6,10 +6,9 @@ import mapped_place as place
 import numpy as np
 import pytest
 
-from savmap.apps.dates.comparison import Comparison
-from savmap.apps.dates.returning.frames import in_row, laid_onto, moved
+from savmap.apps.dates.comparison.records import Comparison
 from savmap.apps.dates.returning.recognition import recognised
-from savmap.apps.dates.returning.update import updated
+from savmap.apps.dates.returning.update import in_row, laid_onto, moved, updated
 from savmap.errors import StructureError
 from savmap.types import MapWarning, ReferenceUse, RowMap, SiteMap, Structure, Verdict
 
