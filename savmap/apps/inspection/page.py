@@ -68,14 +68,6 @@ FORM_COLUMNS = (
     *("row", "grade", "finding", "along row, m", "height, m", "value", "limit"),
     *("on site", "decision", "deadline", "remarks"),
 )
-FORM_LINES = (
-    "site",
-    "filmed on",
-    "name",
-    "qualification",
-    "date of the inspection",
-    "signature",
-)
 
 
 def form_text(page: InspectionPage) -> str:
@@ -88,7 +80,7 @@ def form_text(page: InspectionPage) -> str:
         findings=[text_of(row, finding) for row, finding in _poor(page.inspection)],
         unchecked=[*UNCHECKED, *unchecked_of(page.inspection)],
         heads=FORM_COLUMNS,
-        lines=FORM_LINES,
+        lines=("site", "filmed on", "name", "qualification", "date of the inspection", "signature"),
     )
 
 
@@ -128,27 +120,24 @@ def findings_table(inspection: Inspection) -> Table:
         "likely, %",
         "'what to do",
     )
-    lines = tuple(_line(text_of(row, finding)) for row, _, finding in inspection.findings())
+    lines = []
+    for row, _, finding in inspection.findings():
+        text, (x, y, _) = text_of(row, finding), finding.place or (None, None, None)
+        percent = None if finding.probability is None else 100 * finding.probability
+        cells = (
+            Cell(row),
+            Cell(finding.grade, style=f"badge {finding.grade}"),
+            Cell(finding.title, style="words"),
+            number_cell(x, 2),
+            number_cell(y, 2),
+            Cell(text.value, finding.value, style="words"),
+            Cell(text.limit, finding.limit, style="words", note=finding.limit_source),
+            number_cell(percent, 0),
+            Cell(finding.action, style="words"),
+        )
+        lines.append(Line(cells, LINE_STYLES.get(finding.grade, "")))
     caption = "All that was checked; the worst first. \u00b1: 1 standard deviation"
-    return Table("findings", caption, heads(*names), lines, "only red and amber")
-
-
-def _line(text: FindingText) -> Line:
-    finding = text.finding
-    x, y, _ = finding.place or (None, None, None)
-    percent = None if finding.probability is None else 100 * finding.probability
-    cells = (
-        Cell(text.row),
-        Cell(finding.grade, style=f"badge {finding.grade}"),
-        Cell(finding.title, style="words"),
-        number_cell(x, 2),
-        number_cell(y, 2),
-        Cell(text.value, finding.value, style="words"),
-        Cell(text.limit, finding.limit, style="words", note=finding.limit_source),
-        number_cell(percent, 0),
-        Cell(finding.action, style="words"),
-    )
-    return Line(cells, LINE_STYLES.get(finding.grade, ""))
+    return Table("findings", caption, heads(*names), tuple(lines), "only red and amber")
 
 
 Key = tuple[str, str]
