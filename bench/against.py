@@ -32,10 +32,9 @@ from bench.observed_rows import (
     tracked,
 )
 from bench.seeds import SETS, is_test, seeds
-from savmap.apps.dates.comparison import CHANGES, ElementChange
-from savmap.apps.dates.returning.frames import in_row
+from savmap.apps.dates.comparison.records import CHANGES, ElementChange
 from savmap.apps.dates.returning.recognition import SURE, likely_places
-from savmap.apps.dates.returning.update import updated
+from savmap.apps.dates.returning.update import in_row, updated
 from savmap.errors import SavmapError
 from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
 from savmap.pipeline.recognising import assumed_length, frame_references
@@ -200,15 +199,15 @@ def _frame_of(row: RowMap, survey: Mapping[str, Any]) -> tuple[float, float]:
 def _compared(row: Scene, pass_map: RowMap, bays: tuple[int, Rack, Rack], count: int) -> Outcome:
     """What the comparison of a pass with its row tells of true changes, and what it tells beside. `bays`: number of the first bay that the pass
     shows, and the bays before and after the changes."""
-    result = updated(SiteMap({pass_map.name: row.row}, {}), {pass_map.name: pass_map}, {})
-    elements = result.comparison.rows[0].elements
+    site_map, comparison = updated(SiteMap({pass_map.name: row.row}, {}), {pass_map.name: pass_map}, {})
+    elements = comparison.rows[0].elements
     true = [*_true_changes(row, *bays)]
     told = [change for change in elements if change.state in CHANGES]
     detected = sum(any(_is_of(change, place) for change in told) for place in true)
     false = [change for change in told if not any(_is_of(change, place) for place in true)]
     same = [change for change in elements if change.state == "same"]
     before = _errors(row.row, [change.old_id or "" for change in same], row.survey)
-    after = _errors(result.site_map.rows[pass_map.name], [change.old_id or "" for change in same], row.survey)
+    after = _errors(site_map.rows[pass_map.name], [change.old_id or "" for change in same], row.survey)
     assert len(true) >= count
     return Outcome(row.kind, "right", len(true), detected, len(same) + len(false), len(false), before, after)
 

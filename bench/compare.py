@@ -23,8 +23,9 @@ import numpy as np
 from bench.baseline import Figures
 from bench.observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
 from bench.seeds import SETS, seeds
-from savmap.apps.dates.comparison import CHANGES as CHANGED
-from savmap.apps.dates.comparison import LEVEL, ElementChange, compare_maps
+from savmap.apps.dates.comparison.compare import LEVEL, compare_maps
+from savmap.apps.dates.comparison.records import CHANGES as CHANGED
+from savmap.apps.dates.comparison.records import ElementChange
 from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.lab.sim.observations import PAPER, MaskErrors

@@ -20,7 +20,7 @@ import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
 from bench.baseline import Figures
-from savmap.apps.dates.comparison import compare_maps
+from savmap.apps.dates.comparison.compare import compare_maps
 from savmap.apps.viewer.data import Before
 from savmap.apps.viewer.page import View, write_view
 from savmap.maps.map_file import read_map

@@ -25,11 +25,11 @@ network imports something of savmap first: workers and plugins too; and processe
 
 if TYPE_CHECKING:
     from savmap.apps.dates.api import compare as compare
-    from savmap.apps.dates.comparison import Comparison as Comparison
-    from savmap.apps.dates.comparison import Difference as Difference
-    from savmap.apps.dates.comparison import ElementChange as ElementChange
-    from savmap.apps.dates.comparison import RowComparison as RowComparison
-    from savmap.apps.dates.comparison import RowMotion as RowMotion
+    from savmap.apps.dates.comparison.records import Comparison as Comparison
+    from savmap.apps.dates.comparison.records import Difference as Difference
+    from savmap.apps.dates.comparison.records import ElementChange as ElementChange
+    from savmap.apps.dates.comparison.records import RowComparison as RowComparison
+    from savmap.apps.dates.comparison.records import RowMotion as RowMotion
     from savmap.apps.exchange.api import import_survey as import_survey
     from savmap.apps.inspection.api import inspect as inspect
     from savmap.apps.live.api import LiveSession as LiveSession
@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "savmap.apps.dates.api": "compare",
-    "savmap.apps.dates.comparison": "Comparison Difference ElementChange RowComparison RowMotion",
+    "savmap.apps.dates.comparison.records": "Comparison Difference ElementChange RowComparison RowMotion",
     "savmap.apps.exchange.api": "import_survey",
     "savmap.apps.inspection.api": "inspect",
     "savmap.apps.live.api": "LiveSession",

@@ -55,9 +55,15 @@ def assembled(
     plugin that fails.
     """
     rows = site_map.rows
-    given = {name: _with_gauge_sigma(prior) for name, prior in priors.items() if name in rows}
+    gauge = GAUGE_SIGMA**2 * np.eye(3)  # no prior is tighter than the solver can hold
+    given = {
+        name: replace(prior, covariance=prior.covariance + gauge) for name, prior in priors.items() if name in rows
+    }
     common = list(overlaps(rows, recordings))
-    anchors = given or gauge_of(rows, common)
+    # without any prior, the first row that overlaps with another one is the site's frame
+    overlapping = {name for overlap in common for name in (overlap.prior.a, overlap.prior.b)}
+    first = [name for name in rows if name in overlapping][:1]
+    anchors = given or {name: Placement(0.0, 0.0, 0.0, gauge) for name in first}
     start = first_placements(rows, anchors, common)
     if not start:
         return Assembly(replace(site_map, placements={}, matches=()))
@@ -73,13 +79,6 @@ def assembled(
         match_warnings(solved.left_out, solved.poses),
     )
     return Assembly(with_warnings(placed, *warnings), tuple(solved.ambiguous))
-
-
-def gauge_of(rows: Mapping[str, RowMap], common: Sequence[Overlap]) -> dict[str, Placement]:
-    """Without any prior, the first row that overlaps with another one is the site's frame."""
-    overlapping = {name for overlap in common for name in (overlap.prior.a, overlap.prior.b)}
-    first = next((name for name in rows if name in overlapping), None)
-    return {} if first is None else {first: Placement(0.0, 0.0, 0.0, GAUGE_SIGMA**2 * np.eye(3))}
 
 
 def first_placements(
@@ -212,11 +211,6 @@ def _can_share(of_a: CrossRowLandmark, of_b: CrossRowLandmark, a_from_b: Placeme
     return abs(a_from_b.heading_deg) > 180 - BACK_DEG and LEAST_DEPTH_M - unsure < depth < deepest + unsure
 
 
-def _with_gauge_sigma(prior: Placement) -> Placement:
-    """A prior no tighter than the solver can hold."""
-    return replace(prior, covariance=prior.covariance + GAUGE_SIGMA**2 * np.eye(3))
-
-
 def _without_covariance(site_from_row: Floats) -> Placement:
     """A first placement, of which the covariance is not used."""
     heading = float(np.degrees(np.arctan2(site_from_row[0, 2], site_from_row[0, 0])))
@@ -266,9 +260,6 @@ def matches_by_kind(matches: Sequence[CrossRowMatch]) -> dict[tuple[str, str, st
 def _figures(matches: Sequence[CrossRowMatch]) -> str:
     residuals = np.array([match.residual_m for match in matches])
     sigmas = np.abs(residuals / np.array([match.sigma_m for match in matches]))
-    return "".join(map(_cell, residuals.T)) + f"{np.nanmax(sigmas):9.1f}"
-
-
-def _cell(residuals: Floats) -> str:
-    measured = residuals[~np.isnan(residuals)]
-    return f"{100 * float(np.sqrt(np.mean(measured**2))):8.1f}" if len(measured) else f"{'-':>8}"
+    axes = [values[~np.isnan(values)] for values in residuals.T]
+    cells = (f"{100 * float(np.sqrt(np.mean(values**2))):8.1f}" if len(values) else f"{'-':>8}" for values in axes)
+    return "".join(cells) + f"{np.nanmax(sigmas):9.1f}"

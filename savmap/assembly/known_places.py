@@ -83,12 +83,16 @@ def known_places(site: SiteMap, source: KnownAlignment) -> KnownPlaces:
 
     for number, point in enumerate(source.section.points):
         at_point = mapped(point, ("points", number), (point.at,))
-        places += [_on_point(place, point, ("points", number)) for place in at_point]
+        height = point.world_m[2] if len(point.world_m) == 3 else None
+        world = np.array(point.world_m[:2])
+        places += [KnownPlace(place, world, point.sigma_m, ("points", number), height=height) for place in at_point]
     for number, line in enumerate(source.section.lines):
         along = mapped(line, ("lines", number), line.through)
         if len(along) > 1:
             directed.append((len(places), len(places) + len(along) - 1))
-        places += [_on_line(place, line, ("lines", number)) for place in along]
+        first, second = np.array(line.world_m)
+        x, y = (second - first) / np.linalg.norm(second - first)
+        places += [KnownPlace(place, first, line.sigma_m, ("lines", number), np.array([-y, x])) for place in along]
     return KnownPlaces(places, directed, left_out)
 
 
@@ -144,14 +148,3 @@ def _find(row: RowMap, at: str) -> tuple[Structure, list[int]]:
     names = sorted({*beginnings, *(name for part in parts for name in (part.id, *part.vertex_labels))})
     near = difflib.get_close_matches(at, names, 3)
     raise SiteError(f"row {row.name} has no `{at}`" + (f"; nearest: {', '.join(near)}" if near else ""))
-
-
-def _on_point(place: MappedPlace, point: AlignPoint, location: Location) -> KnownPlace:
-    height = point.world_m[2] if len(point.world_m) == 3 else None
-    return KnownPlace(place, np.array(point.world_m[:2]), point.sigma_m, location, height=height)
-
-
-def _on_line(place: MappedPlace, line: AlignLine, location: Location) -> KnownPlace:
-    first, second = np.array(line.world_m)
-    along = (second - first) / np.linalg.norm(second - first)
-    return KnownPlace(place, first, line.sigma_m, location, normal=np.array([-along[1], along[0]]))

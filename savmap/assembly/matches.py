@@ -71,7 +71,12 @@ def match_landmarks(
     best = max(scored, key=scored.__getitem__)
     if scored[best] < LEAST:
         return Matching()
-    others = [score for pairs, score in scored.items() if _contradict(best, pairs)]
+    b_of_a, a_of_b = dict(best), {j: i for i, j in best}
+    others = [  # in which any landmark has another partner
+        score
+        for pairs, score in scored.items()
+        if any(b_of_a.get(i, j) != j or a_of_b.get(j, i) != i for i, j in pairs)
+    ]
     if scored[best] - max(others, default=0.0) < MARGIN:
         return Matching(ambiguous=True)
     return Matching(best)
@@ -135,13 +140,6 @@ def _fitted(pairs: Pairs, between: Floats, inverse: Floats, tight: Floats) -> Fl
     pull = np.einsum("nij,nj->i", weights, between[rows, columns])
     shift: Floats = np.linalg.solve(weights.sum(axis=0) + tight, pull)
     return shift
-
-
-def _contradict(pairs: Pairs, others: Pairs) -> bool:
-    """Whether any landmark has different partners in the two."""
-    b_of_a = dict(pairs)
-    a_of_b = {j: i for i, j in pairs}
-    return any(b_of_a.get(i, j) != j or a_of_b.get(j, i) != i for i, j in others)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,17 @@ MapWarnings = dict[str, list[MapWarning]]
 
 def placement_warnings(priors: Mapping[str, Placement], poses: SitePoses) -> MapWarnings:
     """A warning for each row that does not stand where the site file says."""
-    return {name: [warning] for name, prior in priors.items() if (warning := _off_prior(name, prior, poses))}
+    warnings: MapWarnings = {}
+    for name, prior in priors.items():
+        place = poses.rows[name]
+        heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
+        off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
+        if off @ np.linalg.solve(prior.covariance, off) >= OFF_SIGMA**2:
+            size = float(np.hypot(*off[:2]))
+            figure = f"{size:.2f} m, {abs(heading):.2f} degrees off"
+            details = ("the row stands off its given place, by what it has in common with other rows",)
+            warnings[name] = [MapWarning("site-misfit", (f"row {name}",), figure, details=details, size=size)]
+    return warnings
 
 
 def match_warnings(left_out: Sequence[LandmarkMatch], poses: SitePoses) -> MapWarnings:
@@ -84,18 +94,6 @@ def with_warnings(site_map: SiteMap, *several: MapWarnings) -> SiteMap:
             verdict = rows[name].verdict or Verdict()
             rows[name] = replace(rows[name], verdict=replace(verdict, warnings=(*verdict.warnings, *more)))
     return replace(site_map, rows=rows)
-
-
-def _off_prior(name: str, prior: Placement, poses: SitePoses) -> MapWarning | None:
-    """A warning about a row that does not stand where it was given."""
-    place = poses.rows[name]
-    heading = (place.heading_deg - prior.heading_deg + 180) % 360 - 180
-    off = np.array([place.x_m - prior.x_m, place.z_m - prior.z_m, heading])
-    if off @ np.linalg.solve(prior.covariance, off) < OFF_SIGMA**2:
-        return None
-    figure = f"{np.hypot(*off[:2]):.2f} m, {abs(heading):.2f} degrees off"
-    details = ("the row stands off its given place, by what it has in common with other rows",)
-    return MapWarning("site-misfit", (f"row {name}",), figure, details=details, size=float(np.hypot(*off[:2])))
 
 
 def same_face_warnings(rows: Mapping[str, Row]) -> dict[str, list[MapWarning]]:

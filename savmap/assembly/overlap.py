@@ -94,7 +94,8 @@ def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
     spread = np.sqrt(of_a.sigma_m**2 + of_b.sigma_m**2)
     sigma = np.sqrt(np.mean(spread**2, axis=0))
     turns = of_a.poses[:, :3, :3] @ np.swapaxes(of_b.poses[:, :3, :3], 1, 2)
-    heading = _heading(Rotation.from_matrix(turns).mean().as_matrix())
+    turn = Rotation.from_matrix(turns).mean().as_matrix()
+    heading = float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
     centre_a, centre_b = places_a.mean(axis=0), places_b.mean(axis=0)
 
     def left(unknown: Floats) -> Floats:
@@ -105,7 +106,8 @@ def overlap(a: str, b: str, of_a: Path, of_b: Path) -> Overlap:
     from scipy.optimize import least_squares  # half a second, which a site of one row does not need
 
     solved = least_squares(left, [0.0, 0.0, heading], loss="huber").x
-    length = float(np.ptp(places_b[:, [0, 2]] @ _along(places_b[:, [0, 2]])))
+    on_floor = (places_b - centre_b)[:, [0, 2]]
+    length = float(np.ptp(places_b[:, [0, 2]] @ np.linalg.svd(on_floor, full_matrices=False)[2][0]))
     by_ends = 2 * float(np.max(sigma[[0, 2]])) / max(length, 1e-3)
     turn_sigma = (by_ends**-2 + TURN_SIGMA_RAD**-2) ** -0.5
     misfit = max(1.0, float(np.median(left(solved)[:-1] ** 2)) / MEDIAN_SQUARE)
@@ -127,18 +129,7 @@ def _joined(paths: list[Path]) -> Path:
     return Path(*(np.concatenate([getattr(path, name) for path in paths]) for name in ("stamps_s", "poses", "sigma_m")))
 
 
-def _heading(turn: Floats) -> float:
-    """Angle about y of a rotation (3, 3) that is one about y, or nearly."""
-    return float(np.arctan2(turn[0, 2] - turn[2, 0], turn[0, 0] + turn[2, 2]))
-
-
 def _turned(points: Floats, heading_rad: float) -> Floats:
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     turned: Floats = points @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
     return turned
-
-
-def _along(places: Floats) -> Floats:
-    """The unit vector (2,) along which places (n, 2) spread most."""
-    axis: Floats = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2][0]
-    return axis

@@ -74,13 +74,6 @@ class _Work:
     done: int = 0
     bar: TaskID | None = None
 
-    def amount(self) -> str:
-        return f"{self.done} of {self.total} ({self.done / self.total:.0%})" if self.total else f"{self.done}"
-
-    def left_s(self, now_s: float) -> float | None:
-        """What it will still take, where it goes on as it did."""
-        return (now_s - self.begun_s) * max(self.total - self.done, 0) / self.done if self.total and self.done else None
-
 
 class Console:
     """A Monitor that shows progress bars and notes, and writes the notes to a log file; one at a URL is written at the
@@ -167,19 +160,20 @@ class Console:
         if now - work.said_s < (EVERY_S if work.bar is None else REDRAWN_S):
             return
         with self.lock:
-            left_s = self.run_left_s if self.run_left_s is not None else work.left_s(now)
-            ends = f", about {_clock(left_s)} left" if left_s is not None and self._tells_left(work) else ""
+            said, left_s = f"{work.done}", self.run_left_s if work is self.works[0] else None
+            if work.total:
+                said = f"{work.done} of {work.total} ({work.done / work.total:.0%})"
+                if self.run_left_s is None and work.done:  # it goes on as it did
+                    left_s = (now - work.begun_s) * max(work.total - work.done, 0) / work.done
+            if left_s is not None:
+                said += f", about {f'{left_s:.0f} s' if left_s < 120 else f'{left_s / 60:.0f} min'} left"
             if self.bars is not None and work.bar is not None:
-                self.bars.update(work.bar, completed=work.done, said=f"{work.amount()}{ends}")
-            elif work.done or ends:
-                line = f"{work.doing}: {work.amount()}{ends}"
-                self.terminal.print(visible(line), markup=False, soft_wrap=True)
+                self.bars.update(work.bar, completed=work.done, said=said)
+            elif work.done or left_s is not None:
+                self.terminal.print(visible(f"{work.doing}: {said}"), markup=False, soft_wrap=True)
             else:
                 return
             work.said_s = now
-
-    def _tells_left(self, work: _Work) -> bool:
-        return self.run_left_s is None or work is self.works[0]
 
     @contextmanager
     def meter(self, doing: str) -> Iterator[Callable[[float, str], None]]:
@@ -199,7 +193,3 @@ class Console:
         """A line on the terminal and in the log."""
         self.terminal.print(visible(line), markup=False, soft_wrap=True)
         log.info("%s", line)
-
-
-def _clock(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

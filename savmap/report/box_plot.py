@@ -108,22 +108,19 @@ def _column(middle: int, errors_cm: Floats, box: Box, y: Scale) -> dict[str, Sha
         f"M{middle} {y(box.high)}V{y(box.third)}M{middle} {y(box.first)}V{y(box.low)}"
         f"M{middle - tip} {y(box.high)}h{2 * tip}M{middle - tip} {y(box.low)}h{2 * tip}"
     )
+    shown = np.sort(errors_cm[(errors_cm >= y.low) & (errors_cm <= y.high)])
+    if len(shown) > _MOST_DOTS:
+        shown = shown[np.linspace(0, len(shown) - 1, _MOST_DOTS).astype(int)]
+    shifts = np.random.default_rng(0).uniform(-16, 16, len(shown))
     return {
-        "measure": Shape(_dots(middle, errors_cm, y)),
+        "measure": Shape(
+            "".join(f"M{round(middle + shift)} {y(value)}h0" for value, shift in zip(shown, shifts, strict=True))
+        ),
         "whisker": Shape(whiskers),
         "box": Shape(f"M{left} {y(box.third)}h{width}V{y(box.first)}h{-width}z", f"{box} cm"),
         "median": Shape(f"M{left} {y(box.median)}h{width}"),
         "mean": Shape(f"M{left} {y(box.mean)}h{width}"),
     }
-
-
-def _dots(middle: int, errors_cm: Floats, y: Scale) -> str:
-    """The measures that are shown, evenly thinned where there are many, side by side so that they can be told apart."""
-    shown = np.sort(errors_cm[(errors_cm >= y.low) & (errors_cm <= y.high)])
-    if len(shown) > _MOST_DOTS:
-        shown = shown[np.linspace(0, len(shown) - 1, _MOST_DOTS).astype(int)]
-    shifts = np.random.default_rng(0).uniform(-16, 16, len(shown))
-    return "".join(f"M{round(middle + shift)} {y(value)}h0" for value, shift in zip(shown, shifts, strict=True))
 
 
 def _class_labels(errors_cm: Mapping[str, Floats], y: Scale) -> list[Label]:

@@ -4,7 +4,7 @@ Errors are truth - estimate, in metres, as in the paper (section IV). The counts
 always stand beside the mean absolute error: a map with a good mean and a missing element is not a good map.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,7 +42,7 @@ def evaluate_site(site: SiteMap, survey: Survey, score: ScoreHook) -> Evaluation
     """
     common = [name for name in site.rows if name in survey.rows]
     if not common:
-        names = f"map: {_listed(site.rows)}; survey: {_listed(survey.rows)}"
+        names = f"map: {', '.join(sorted(site.rows)) or 'none'}; survey: {', '.join(sorted(survey.rows)) or 'none'}"
         raise OutputError(f"map and survey have no row in common ({names}): name them alike")
     scores = {name: _row_scores(site.rows[name], survey.rows[name], score) for name in common}
     not_mapped = tuple(name for name in survey.rows if name not in site.rows)
@@ -148,28 +148,22 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 6) + 0.0
 
 
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names)) or "none"
-
-
 def _block(title: str, score: Score) -> str:
     classes = {**score.errors, **score.coordinates}
     widest = max((len(name) for name in classes), default=0)
     lines = [f"{title}: truth - estimate, cm"]
     if score.errors:
         lines.append(f"  {'':{widest}}" + "".join(f"{heading:>10}" for heading in _HEADINGS))
-    lines += [f"  {name:{widest}}{_columns(statistics(errors))}" for name, errors in classes.items()]
+    for name, errors in classes.items():
+        given = statistics(errors)
+        cells = ("-" if value is None else f"{100 * value:.2f}" for value in given.values)
+        lines.append(f"  {name:{widest}}{given.count:>10}" + "".join(f"{cell:>10}" for cell in cells))
     error = mean_absolute_error(score)
     lines += [f"  mean absolute error {100 * error:.2f} cm"] if error is not None else []
     counts = f"  missing: {named_counts(score.missing)}; spurious: {named_counts(score.spurious)}"
     lines += [counts] if score.missing else []
     lines += [f"  {heading}: {_distances(distances)}" for heading, distances in score.distances.items()]
     return "\n".join(lines) + "\n"
-
-
-def _columns(given: Statistics) -> str:
-    cells = ("-" if value is None else f"{100 * value:.2f}" for value in given.values)
-    return f"{given.count:>10}" + "".join(f"{cell:>10}" for cell in cells)
 
 
 def _distances(distances: Distances) -> str:

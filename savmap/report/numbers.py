@@ -31,10 +31,12 @@ def duration(seconds: float) -> str:
 
 def natural(names: Iterable[str]) -> list[str]:
     """Names in the order in which people count: A2 before A10."""
-    return sorted(
-        names,
-        key=lambda name: [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in _parts(name)],
-    )
+
+    def parts(name: str) -> list[tuple[bool, int, str]]:
+        split = filter(None, re.split(r"([0-9]+)", name))
+        return [(not part.isdigit(), int(part) if part.isdigit() else 0, part) for part in split]
+
+    return sorted(names, key=parts)
 
 
 def anchors(names: Iterable[str]) -> dict[str, str]:
@@ -50,7 +52,3 @@ def anchors(names: Iterable[str]) -> dict[str, str]:
 def shortened(text: str, most: int = 24) -> str:
     """The text, or its beginning with an ellipsis."""
     return text if len(text) <= most else text[: most - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
-
-
-def _parts(name: str) -> list[str]:
-    return [part for part in re.split(r"([0-9]+)", name) if part]

@@ -1,6 +1,5 @@
 """Orthophotos with the wireframe over them: a figure of the page, and an SVG file that shows the JPEG beside it."""
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from markupsafe import Markup
 from savmap.files.atomic import write_text
 from savmap.report.row_views import drawn_in, layers
 from savmap.report.scene import MM, Backdrop, Figure, Label, Layer
-from savmap.report.templating import rendered, resource
+from savmap.report.templating import jpeg_address, rendered, resource
 from savmap.types import Drawing, Floats, Orthophoto
 
 MOST_BYTES = 130_000
@@ -52,7 +51,7 @@ def photo_view(
         layers=_over_photo(layers(shown, hints or {}, projection)),
         axes=("x", "y", -1),
         note=f"{MM * photo.pixel_m:g} mm a pixel in the file, fewer here",
-        backdrop=Backdrop(f"data:image/jpeg;base64,{base64.b64encode(scaled_down(photo)).decode()}", frame),
+        backdrop=Backdrop(jpeg_address(scaled_down(photo)), frame),
     )
 
 

@@ -142,23 +142,16 @@ def label_counts(row: RowMap) -> dict[str, int]:
 
 def _frame(drawings: Sequence[Drawing], projection: Projection, others: Sequence[Floats]) -> Frame:
     """Around the structure, the fixtures over its length, what else (n, 3) must be seen, and all fixtures that would be
-    cut through."""
-    points = np.concatenate([projection(part) for part in (*_bounding(drawings), *others)])
-    left, _, width, _ = frame_of(points, _MARGIN_MM, _PARTS)
-    fixtures = [projection(drawing.points) for drawing in drawings if drawing.tone == "fixture"]
-    cut = [fixture for fixture in fixtures if fixture[:, 0].max() > left and fixture[:, 0].min() < left + width]
-    return frame_of(np.concatenate([points, *cut]), _MARGIN_MM, _PARTS)
-
-
-def _bounding(drawings: Sequence[Drawing]) -> list[Floats]:
-    """Points (n, 3) of the structure and of the fixtures that stand over its length; of all fixtures and the origin
-    where there is no structure."""
+    cut through; around all fixtures and the origin where there is no structure."""
     structure = [drawing.points for drawing in drawings if drawing.tone == "structure"]
     fixtures = [drawing.points for drawing in drawings if drawing.tone == "fixture"]
-    if not structure:
-        return [*fixtures, np.zeros((1, 3))]
-    x = np.concatenate(structure)[:, 0]
-    return [*structure, *(points for points in fixtures if x.min() <= points[:, 0].mean() <= x.max())]
+    x = np.concatenate([np.zeros((0, 3)), *structure])[:, 0]
+    over = [points for points in fixtures if not structure or x.min() <= points[:, 0].mean() <= x.max()]
+    points = np.concatenate([projection(part) for part in (*(structure or [np.zeros((1, 3))]), *over, *others)])
+    left, _, width, _ = frame_of(points, _MARGIN_MM, _PARTS)
+    flat = map(projection, fixtures)
+    cut = [fixture for fixture in flat if fixture[:, 0].max() > left and fixture[:, 0].min() < left + width]
+    return frame_of(np.concatenate([points, *cut]), _MARGIN_MM, _PARTS)
 
 
 def layers(

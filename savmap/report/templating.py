@@ -32,6 +32,11 @@ def digest(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
+def jpeg_address(content: bytes) -> str:
+    """A JPEG as an address that needs no file."""
+    return f"data:image/jpeg;base64,{base64.b64encode(content).decode()}"
+
+
 def resource(name: str) -> str:
     """A file that lies beside the templates."""
     return (files(REPORT) / "templates" / name).read_text(encoding="utf-8")

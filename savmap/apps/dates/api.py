@@ -1,6 +1,7 @@
 """`savmap.compare`."""
 
-from savmap.apps.dates.comparison import LEVEL, Comparison
+from savmap.apps.dates.comparison.compare import LEVEL
+from savmap.apps.dates.comparison.records import Comparison
 from savmap.apps.dates.files import compared
 from savmap.jobs.api import PathLike, map_of
 from savmap.types import SiteMap

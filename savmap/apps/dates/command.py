@@ -31,7 +31,7 @@ def compare(
     ] = False,
 ) -> None:
     """Say what changed from one map of a place to a later one."""
-    from savmap.apps.dates.comparison import comparison_lines, unsaid_text
+    from savmap.apps.dates.comparison.texts import comparison_lines, unsaid_text
     from savmap.apps.dates.files import compare_files
     from savmap.apps.viewer.beside import PAGE, viewed
     from savmap.errors import ChangedError, NothingComparedError

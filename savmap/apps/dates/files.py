@@ -4,7 +4,9 @@ import os
 from pathlib import Path
 from urllib.parse import quote
 
-from savmap.apps.dates.comparison import Comparison, compare_maps, comparison_text
+from savmap.apps.dates.comparison.compare import compare_maps
+from savmap.apps.dates.comparison.records import Comparison
+from savmap.apps.dates.comparison.texts import comparison_text
 from savmap.apps.dates.page import Dates, write_comparison
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from savmap.apps.dates.comparison import CHANGES, Comparison, ElementChange, RowComparison, State
+from savmap.apps.dates.comparison.records import CHANGES, Comparison, RowComparison, State
 from savmap.apps.dates.comparison.texts import (
     change_name,
     change_text,
@@ -214,18 +214,16 @@ def change_table(row: RowComparison, anchor: str) -> Table:
     """What changed, and of what no one can tell."""
     shown = [*row.changes, *(change for change in row.elements if change.state == "not seen")]
     shown.sort(key=lambda change: (ORDER.index(change.state), float(change.position_m[0])))
+    lines = []
+    for change in shown:
+        cells = (Cell(change_name(change)), Cell(change.state), Cell(change_text(change), style="words"))
+        sigmas = max((difference.sigmas for difference in change.significant), default=0.0)
+        of_sigmas = Cell(f"{sigmas:.1f}", sigmas) if sigmas else Cell("")
+        of_p = Cell(f"{change.p:.0e}", change.p) if change.differences else Cell("")
+        lines.append(Line((*cells, of_sigmas, of_p), "off" if change.state in CHANGES else ""))
     return Table(
         anchor,
         "What is not as it was, or was not seen on one of the dates",
         heads("'element", "'state", "'what", "sigmas", "p"),
-        tuple(Line(tuple(_cells(change)), "off" if change.state in CHANGES else "") for change in shown),
+        tuple(lines),
     )
-
-
-def _cells(change: ElementChange) -> Iterator[Cell]:
-    yield Cell(change_name(change))
-    yield Cell(change.state)
-    yield Cell(change_text(change), style="words")
-    sigmas = max((difference.sigmas for difference in change.significant), default=0.0)
-    yield Cell(f"{sigmas:.1f}", sigmas) if sigmas else Cell("")
-    yield Cell(f"{change.p:.0e}", change.p) if change.differences else Cell("")

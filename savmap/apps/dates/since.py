@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from savmap.apps.dates import page
-from savmap.apps.dates.comparison import LEVEL, Comparison, comparison_lines
+from savmap.apps.dates.comparison.compare import LEVEL
+from savmap.apps.dates.comparison.records import Comparison
+from savmap.apps.dates.comparison.texts import comparison_lines
 from savmap.apps.dates.files import compared
 from savmap.apps.dates.returning import update
-from savmap.apps.dates.returning.frames import in_row as in_row
 from savmap.apps.dates.returning.recognition import recognised as recognised
+from savmap.apps.dates.returning.update import in_row as in_row
 from savmap.maps.map_file import read_map
 from savmap.types import RowMap, SiteMap
 
@@ -32,8 +34,8 @@ class Since:
 
 def updated(earlier: SiteMap, passes: Mapping[str, RowMap], made_by: Mapping[str, str]) -> tuple[SiteMap, Since]:
     """The earlier map with passes of its rows, by name. Raises StructureError."""
-    result = update.updated(earlier, passes, made_by)
-    return result.site_map, Since(result.comparison)
+    site_map, comparison = update.updated(earlier, passes, made_by)
+    return site_map, Since(comparison)
 
 
 def changes_since(old_file: Path, new: SiteMap) -> Since:

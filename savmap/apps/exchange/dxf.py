@@ -75,7 +75,9 @@ def dxf_text(site: SiteMap) -> str:
         for row in rows:
             for part in row.parts:
                 drawing.wireframe(part)
-        corner = _below(rows)
+        points = [np.zeros((0, 3)), *(part.structure.vertices for row in rows for part in row.parts)]
+        world = np.concatenate(points)[:, :2]
+        corner = world.min(axis=0) - [0.0, MARGIN_M] if len(world) else np.zeros(2)
         for row in rows:
             corner = corner + np.array([drawing.sheet(row, site.rows[row.name], corner) + BETWEEN_M, 0.0])
         for kind in sorted(document.entitydb.dxf_types_in_use()):
@@ -94,15 +96,6 @@ def _without_dates(options: Any) -> Iterator[None]:
         yield
     finally:
         options.write_fixed_meta_data_for_testing = before
-
-
-def _below(rows: Sequence[RowParts]) -> Floats:
-    """Where drawings begin (2,): at the left end of the world, below it."""
-    points = [part.structure.vertices for row in rows for part in row.parts if len(part.structure.vertices)]
-    if not points:
-        return np.zeros(2)
-    lowest: Floats = np.concatenate(points)[:, :2].min(axis=0)
-    return lowest - [0.0, MARGIN_M]
 
 
 def drawn_text(text: str, longest: int = LONGEST_TEXT) -> str:

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from scipy.spatial.transform import Rotation
@@ -158,9 +157,7 @@ class MapRecorder:
     def __enter__(self) -> "MapRecorder":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._writing(), self._stream:
             self._writer.finish()
 
@@ -284,26 +281,17 @@ def write_rerun(site: SiteMap, path: Path) -> None:
     recording.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.log("remarks", rerun.TextDocument("\n".join(remarks(site.rows.values()))), static=True)
     for element, colour in _coloured(site):
-        _strips(rerun, recording, element, colour)
+        place = ["map", visible(element.row), visible(element.plugin), visible(element.structure.id)]
+        ends = _segments(element.structure)
+        strips = rerun.LineStrips3D(
+            ends, colors=[colour] * len(ends), radii=LINE_M / 2, labels=[_title(element)] * len(ends), show_labels=False
+        )
+        recording.log(place, strips, rerun.AnyValues(**_texts(element)), static=True)
     for frames in passes(site):
-        _drive(rerun, recording, frames)
+        place = ["drive", visible(frames.row), visible(frames.name)]
+        track = rerun.LineStrips3D([frames.world_from_rig[:, :3, 3]], colors=[(120, 120, 120)])
+        recording.log([*place, "path"], track, static=True)
+        for stamp, pose in zip(frames.stamps_s.tolist(), frames.world_from_rig, strict=True):
+            recording.set_time("video", duration=stamp)
+            recording.log([*place, "rig"], rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
     recording.disconnect()
-
-
-def _strips(rerun: Any, recording: Any, element: Element, colour: Colour) -> None:
-    place = ["map", visible(element.row), visible(element.plugin), visible(element.structure.id)]
-    ends = _segments(element.structure)
-    strips = rerun.LineStrips3D(
-        ends, colors=[colour] * len(ends), radii=LINE_M / 2, labels=[_title(element)] * len(ends), show_labels=False
-    )
-    recording.log(place, strips, rerun.AnyValues(**_texts(element)), static=True)
-
-
-def _drive(rerun: Any, recording: Any, frames: PassFrames) -> None:
-    place = ["drive", visible(frames.row), visible(frames.name)]
-    recording.log(
-        [*place, "path"], rerun.LineStrips3D([frames.world_from_rig[:, :3, 3]], colors=[(120, 120, 120)]), static=True
-    )
-    for stamp, pose in zip(frames.stamps_s.tolist(), frames.world_from_rig, strict=True):
-        recording.set_time("video", duration=stamp)
-        recording.log([*place, "rig"], rerun.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))

@@ -118,21 +118,17 @@ def write_colmap(site: SiteMap, path: Path) -> None:
         x, y, z, w = Rotation.from_matrix(turn).as_quat(canonical=True)
         numbers = " ".join(f"{value:.9f}" for value in (w, x, y, z, *(-turn @ pose[:3, 3])))
         images.append(f"{number} {numbers} 1 {name}\n\n")
+    points = list[str]()
+    for element in elements(site):
+        sigmas = np.sqrt(np.trace(element.structure.covariances, axis1=1, axis2=2) / 3)
+        for (x, y, z), sigma in zip(element.structure.vertices, sigmas, strict=True):
+            points.append(f"{len(points) + 1} {x:.6f} {y:.6f} {z:.6f} {GREY} {sigma:.6f}\n")
     size = f"{WIDTH_PX} {HEIGHT_PX}"
     files = {
         "cameras.txt": f"# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 EQUIRECTANGULAR {size} {size}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# POINTS2D[]\n" + "".join(images),
         "points3D.txt": commented(remarks(site.rows.values()))
         + "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n"
-        + "".join(_points(site)),
+        + "".join(points),
     }
     write_archive(path, files)
-
-
-def _points(site: SiteMap) -> Iterator[str]:
-    number = 0
-    for element in elements(site):
-        sigmas = np.sqrt(np.trace(element.structure.covariances, axis1=1, axis2=2) / 3)
-        for (x, y, z), sigma in zip(element.structure.vertices, sigmas, strict=True):
-            number += 1
-            yield f"{number} {x:.6f} {y:.6f} {z:.6f} {GREY} {sigma:.6f}\n"

@@ -24,6 +24,7 @@ from savmap.types import Floats, SiteMap
 THICKNESS_M = 1 / 128
 """Of drawn lines and points: what shows at ten metres, and has a half that is exact in single precision, as validators
 compare it."""
+WIDTHS = (f"float[] widths = [{THICKNESS_M}] (", '    interpolation = "constant"', ")")
 LONGEST_NAME = 60
 CONTROL = re.compile("[\x00-\x1f\x7f]")
 ESCAPES = {"\n": "\\n", "\r": "\\r", "\t": "\\t", "\x00": "\ufffd"}
@@ -150,9 +151,9 @@ def _shape(part: Part, origin: Floats) -> tuple[str, tuple[str, ...], list[str]]
             'uniform token type = "linear"',
             f"int[] curveVertexCounts = [{', '.join('2' for _ in structure.edges)}]",
         ]
-        return "BasisCurves", (), [*_points(ends, THICKNESS_M), *lines, *_widths()]
+        return "BasisCurves", (), [*_points(ends, THICKNESS_M), *lines, *WIDTHS]
     if len(structure.vertices):
-        return "Points", (), [*_points(structure.vertices - origin, THICKNESS_M), *_widths()]
+        return "Points", (), [*_points(structure.vertices - origin, THICKNESS_M), *WIDTHS]
     return "Scope", (), []
 
 
@@ -163,10 +164,6 @@ def _points(points: Floats, thickness: float) -> list[str]:
         f"({', '.join(f'{value:.9g}' for value in end)})" for end in (single.min(0) - half, single.max(0) + half)
     )
     return [f"float3[] extent = [{low}, {high}]", f"point3f[] points = [{_vectors(points)}]"]
-
-
-def _widths() -> list[str]:
-    return [f"float[] widths = [{THICKNESS_M}] (", '    interpolation = "constant"', ")"]
 
 
 def _facts(part: Part) -> Iterator[str]:
@@ -185,15 +182,12 @@ def _facts(part: Part) -> Iterator[str]:
     yield f"custom double3[] savmap:sigmas = [{_vectors(sigmas(structure))}]"
     values = attributes(structure)
     for name, value in zip(unique([prim_name(name) for name in values]), values.values(), strict=True):
-        yield f"custom {_typed(f'savmap:attributes:{name}', value)}"
-
-
-def _typed(name: str, value: float | int | str) -> str:
-    if isinstance(value, str):
-        return f"string {name} = {quoted(value)}"
-    if not isinstance(value, float) and abs(value) < 2**63:
-        return f"int64 {name} = {int(value)}"
-    return f"double {name} = {float(value)!r}"
+        kind, text = "double", repr(float(value)) if not isinstance(value, str) else quoted(value)
+        if isinstance(value, str):
+            kind = "string"
+        elif not isinstance(value, float) and abs(value) < 2**63:
+            kind, text = "int64", str(int(value))
+        yield f"custom {kind} savmap:attributes:{name} = {text}"
 
 
 def _vectors(points: Floats) -> str:
@@ -203,10 +197,6 @@ def _vectors(points: Floats) -> str:
 def _vector(values: Iterable[float]) -> str:
     """To a thousandth of a millimetre."""
     return f"({', '.join(f'{round(float(value), 6) + 0.0!r}' for value in values)})"
-
-
-def _listed(texts: Iterable[str]) -> str:
-    return ", ".join(texts)
 
 
 def _indented(lines: Iterable[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """What is free along an aisle: the narrowest place between faces that look at each other, and the lowest of what is
 over the aisle."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,59 +80,38 @@ def _row_inspection(site_map: SiteMap, row: RowMap, limits: EnvelopeLimits) -> R
     narrowest, lowest = narrowest_of(site_map, row, limits.height_m), lowest_of(row)
     unchecked = [] if narrowest else ["the width of the aisle: no row across it is mapped and placed"]
     unchecked += [] if limits.width_m or limits.height_m else ["whether a truck passes: the limits have no `envelope`"]
-    names = list(site_map.rows)
-    if narrowest is not None and names.index(narrowest.across) < names.index(row.name):
-        narrowest = None
-    findings = (*_width_findings(narrowest, limits), *_height_findings(lowest, limits))
+    names, findings, lines = list(site_map.rows), list[Finding](), list[tuple[Cell, ...]]()
+
+    def check(code: str, title: str, key: str, size: Measured, place: Floats, *subjects: str) -> None:
+        limit_m = getattr(limits, key)
+        if limit_m is not None:
+            limit = Limit(amber=limit_m + limits.margin_m, red=limit_m, source=limits.source)
+            finding = Finding(
+                code,
+                title,
+                subjects=subjects,
+                unit="m",
+                action="measure it by hand",
+                place=tuple(place.tolist()),
+                limit_key=key,
+            )
+            findings.append(limit.finding(finding, size))
+
+    if narrowest is not None and names.index(narrowest.across) > names.index(row.name):
+        size, place = narrowest.width, narrowest.place
+        lines.append((f"row {narrowest.across}", float(place[0]), size.value, size.sigma))
+        title = f"aisle to row {narrowest.across} at {place[0]:.2f} m: free width"
+        check("narrow-aisle", title, "width_m", size, place, *narrowest.subjects)
+    if lowest is not None:
+        lines.append((f"{lowest.id}, above", float(lowest.place[0]), lowest.height.value, lowest.height.sigma))
+        title = f"{lowest.id} over the aisle: free height"
+        check("low-overhead", title, "height_m", lowest.height, lowest.place, lowest.id)
+    table = FindingTable("clearance", "What is free along the aisle", COLUMNS, tuple(lines))
     applied = ("margin_m",) if findings else ()
-    return RowInspection(findings, tuple(_tables(narrowest, lowest)), (), tuple(unchecked), applied)
+    return RowInspection(tuple(findings), (table,) if lines else (), (), tuple(unchecked), applied)
 
 
 COLUMNS = ("to", "at_m", "free_m", "sigma_m")
-
-
-def _tables(narrowest: Narrowest | None, lowest: Lowest | None) -> Iterator[FindingTable]:
-    """The narrowest place and the lowest element, where there are any."""
-    lines: list[tuple[Cell, ...]] = []
-    if narrowest is not None:
-        size = narrowest.width.value, narrowest.width.sigma
-        lines.append((f"row {narrowest.across}", float(narrowest.place[0]), *size))
-    if lowest is not None:
-        lines.append((f"{lowest.id}, above", float(lowest.place[0]), lowest.height.value, lowest.height.sigma))
-    if lines:
-        yield FindingTable("clearance", "What is free along the aisle", COLUMNS, tuple(lines))
-
-
-def _width_findings(narrowest: Narrowest | None, limits: EnvelopeLimits) -> Iterator[Finding]:
-    if narrowest is not None and limits.width_m is not None:
-        title = f"aisle to row {narrowest.across} at {narrowest.place[0]:.2f} m: free width"
-        limit = Limit(amber=limits.width_m + limits.margin_m, red=limits.width_m, source=limits.source)
-        place = tuple(narrowest.place.tolist())
-        finding = Finding(
-            "narrow-aisle",
-            title,
-            subjects=narrowest.subjects,
-            unit="m",
-            action="measure it by hand",
-            place=place,
-            limit_key="width_m",
-        )
-        yield limit.finding(finding, narrowest.width)
-
-
-def _height_findings(lowest: Lowest | None, limits: EnvelopeLimits) -> Iterator[Finding]:
-    if lowest is not None and limits.height_m is not None:
-        limit = Limit(amber=limits.height_m + limits.margin_m, red=limits.height_m, source=limits.source)
-        finding = Finding(
-            "low-overhead",
-            f"{lowest.id} over the aisle: free height",
-            subjects=(lowest.id,),
-            unit="m",
-            action="measure it by hand",
-            place=tuple(lowest.place.tolist()),
-            limit_key="height_m",
-        )
-        yield limit.finding(finding, lowest.height)
 
 
 def narrowest_of(site_map: SiteMap, row: RowMap, height_m: float | None) -> Narrowest | None:

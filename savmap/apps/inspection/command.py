@@ -26,8 +26,7 @@ def inspect(
     """Say what in a map keeps the limits of an inspection: a measuring aid for a person who may inspect."""
     from savmap.apps.inspection import api
     from savmap.apps.inspection.files import write_inspection
-    from savmap.apps.inspection.header import page_header
-    from savmap.apps.inspection.page import InspectionPage
+    from savmap.apps.inspection.page import InspectionPage, page_header
     from savmap.maps.map_file import read_map
     from savmap.maps.orthophoto_file import read_orthophotos
     from savmap.report.site_report import places_of

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from itertools import product
@@ -15,7 +14,7 @@ from savmap.apps.inspection.page import InspectionPage, form_text, page_text, ta
 from savmap.apps.inspection.sheets import write_sheets
 from savmap.errors import OutputError
 from savmap.files.atomic import write_bytes, write_text
-from savmap.files.texts import json_visible
+from savmap.maps.exports.files import json_text
 from savmap.maps.exports.marks import BETWEEN
 from savmap.maps.exports.vertices import cell
 from savmap.types import Finding, Inspection
@@ -38,8 +37,8 @@ def write_inspection(page: InspectionPage, path: Path, inputs: Sequence[Path] = 
     form = path.with_name(f"{path.stem}-form.html")
     texts = {
         form: form_text(page),
-        path.with_suffix(".csv"): csv_text(inspection),
-        path.with_suffix(".json"): json_text(inspection),
+        path.with_suffix(".csv"): _csv(COLUMNS, (_cells(*placed) for placed in inspection.findings())),
+        path.with_suffix(".json"): json_text(_content(inspection)),
     }
     for (plugin, name), tables in tables_of(inspection).items():
         columns = list(dict.fromkeys(column for _, table in tables for column in table.columns))
@@ -58,11 +57,6 @@ def write_inspection(page: InspectionPage, path: Path, inputs: Sequence[Path] = 
     linked = replace(page, sheets=quote(sheets.name) if sheets else "", form=quote(form.name))
     write_bytes(path, page_text(linked).encode())
     return [path, *texts, *([sheets, pictures[0].parent] if sheets else [])]
-
-
-def csv_text(inspection: Inspection) -> str:
-    """A line for each finding, the worst first."""
-    return _csv(COLUMNS, (_cells(*placed) for placed in inspection.findings()))
 
 
 def _cells(row: str, plugin: str, finding: Finding) -> Sequence[object]:
@@ -87,9 +81,9 @@ def _text(value: object) -> str:
     return "" if value is None else cell(value) if isinstance(value, str) else str(value)
 
 
-def json_text(inspection: Inspection) -> str:
-    """All of an inspection but pictures."""
-    content: dict[str, Any] = {
+def _content(inspection: Inspection) -> dict[str, Any]:
+    """All of an inspection but pictures, for JSON."""
+    return {
         "format": FORMAT,
         "version": VERSION,
         "counts": inspection.counts(),
@@ -105,4 +99,3 @@ def json_text(inspection: Inspection) -> str:
         "limits": [asdict(limit) for limit in inspection.limits],
         "unchecked": list(unchecked_of(inspection)),
     }
-    return json_visible(json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)) + "\n"

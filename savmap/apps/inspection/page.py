@@ -1,17 +1,19 @@
 """The page of an inspection: counts, the worst findings with pictures, tables, limits, and what nobody checked."""
 
-import base64
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
 
 from savmap.apps.inspection.inspect import unchecked_of
 from savmap.apps.inspection.pictures import FacePictures
 from savmap.apps.inspection.words import FindingText, text_of
+from savmap.files.atomic import sha256
 from savmap.report.numbers import fixed
 from savmap.report.page.tables import Cell, Line, Table, heads, number_cell
-from savmap.report.site_report import StructuresByRow
-from savmap.report.templating import rendered_page
+from savmap.report.site_report import StructuresByRow, log_beside
+from savmap.report.templating import jpeg_address, rendered_page
 from savmap.types import Finding, FindingTable, Inspection, Orthophoto, SiteMap, Structure
 
 WORST = 10
@@ -66,14 +68,6 @@ FORM_COLUMNS = (
     *("row", "grade", "finding", "along row, m", "height, m", "value", "limit"),
     *("on site", "decision", "deadline", "remarks"),
 )
-FORM_LINES = (
-    "site",
-    "filmed on",
-    "name",
-    "qualification",
-    "date of the inspection",
-    "signature",
-)
 
 
 def form_text(page: InspectionPage) -> str:
@@ -86,7 +80,7 @@ def form_text(page: InspectionPage) -> str:
         findings=[text_of(row, finding) for row, finding in _poor(page.inspection)],
         unchecked=[*UNCHECKED, *unchecked_of(page.inspection)],
         heads=FORM_COLUMNS,
-        lines=FORM_LINES,
+        lines=("site", "filmed on", "name", "qualification", "date of the inspection", "signature"),
     )
 
 
@@ -97,7 +91,7 @@ def _worst(page: InspectionPage) -> Iterator[WorstFinding]:
         if row in page.photos and row not in pictures:
             pictures[row] = FacePictures(page.photos[row])
         part = pictures[row].finding(finding, elements_of(page, row)) if row in pictures else None
-        address = f"data:image/jpeg;base64,{base64.b64encode(part.content).decode()}" if part else ""
+        address = jpeg_address(part.content) if part else ""
         yield WorstFinding(text_of(row, finding), address)
 
 
@@ -126,27 +120,24 @@ def findings_table(inspection: Inspection) -> Table:
         "likely, %",
         "'what to do",
     )
-    lines = tuple(_line(text_of(row, finding)) for row, _, finding in inspection.findings())
+    lines = []
+    for row, _, finding in inspection.findings():
+        text, (x, y, _) = text_of(row, finding), finding.place or (None, None, None)
+        percent = None if finding.probability is None else 100 * finding.probability
+        cells = (
+            Cell(row),
+            Cell(finding.grade, style=f"badge {finding.grade}"),
+            Cell(finding.title, style="words"),
+            number_cell(x, 2),
+            number_cell(y, 2),
+            Cell(text.value, finding.value, style="words"),
+            Cell(text.limit, finding.limit, style="words", note=finding.limit_source),
+            number_cell(percent, 0),
+            Cell(finding.action, style="words"),
+        )
+        lines.append(Line(cells, LINE_STYLES.get(finding.grade, "")))
     caption = "All that was checked; the worst first. \u00b1: 1 standard deviation"
-    return Table("findings", caption, heads(*names), lines, "only red and amber")
-
-
-def _line(text: FindingText) -> Line:
-    finding = text.finding
-    x, y, _ = finding.place or (None, None, None)
-    percent = None if finding.probability is None else 100 * finding.probability
-    cells = (
-        Cell(text.row),
-        Cell(finding.grade, style=f"badge {finding.grade}"),
-        Cell(finding.title, style="words"),
-        number_cell(x, 2),
-        number_cell(y, 2),
-        Cell(text.value, finding.value, style="words"),
-        Cell(text.limit, finding.limit, style="words", note=finding.limit_source),
-        number_cell(percent, 0),
-        Cell(finding.action, style="words"),
-    )
-    return Line(cells, LINE_STYLES.get(finding.grade, ""))
+    return Table("findings", caption, heads(*names), tuple(lines), "only red and amber")
 
 
 Key = tuple[str, str]
@@ -189,3 +180,35 @@ def _cell(value: str | float | None) -> Cell:
     if isinstance(value, str):
         return Cell(value)
     return Cell(str(value) if isinstance(value, int) else fixed(value, 3), float(value))
+
+
+NOT_RECORDED = "not recorded"
+DIGITS = 12
+"""Of the map's SHA-256, which tell it from any other."""
+Fact = tuple[str, str]
+
+
+def page_header(site_map: SiteMap, map_file: Path, limits: Path | None, drawing: Path | None) -> tuple[Fact, ...]:
+    """What a signed inspection must name: the map, when and of what footage it was made, the limits, and who computed:
+    names and values. The date and the footage are those of the run record beside the map, where it is of this map.
+    Raises OutputError where the map file cannot be read."""
+    log = log_beside(site_map, map_file)
+    footage = {
+        row: ", ".join(dict.fromkeys(file.name for file in run.footage.values()))
+        for row, run in (log.rows.items() if log else ())
+        if run.footage
+    }
+    return (
+        ("map", f"{map_file} (SHA-256 {sha256(map_file)[:DIGITS]}\N{HORIZONTAL ELLIPSIS})"),
+        ("mapped", " ".join(_mapped(site_map, log.ended[:10] if log else ""))),
+        ("rows", ", ".join(site_map.rows)),
+        ("footage", "; ".join(f"row {row}: {names}" for row, names in footage.items()) or NOT_RECORDED),
+        ("limits", str(limits) if limits else "the usual ones"),
+        ("drawing", str(drawing) if drawing else "none"),
+        ("inspected with", f"savmap {version('savmap')}"),
+    )
+
+
+def _mapped(site_map: SiteMap, date: str) -> Iterator[str]:
+    yield f"on {date}" if date else f"date {NOT_RECORDED}"
+    yield f"with savmap {site_map.made_by['savmap']}" if "savmap" in site_map.made_by else ""

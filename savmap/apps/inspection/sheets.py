@@ -1,6 +1,5 @@
 """Sheets of pictures: the parts of rows that an inspector wants to see, several to a page, and each as a file."""
 
-import base64
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil, floor
@@ -10,7 +9,7 @@ from savmap.apps.inspection.page import InspectionPage
 from savmap.apps.inspection.pictures import FacePictures, PartPicture
 from savmap.apps.inspection.words import FindingText, text_of
 from savmap.files.atomic import file_name, write_bytes
-from savmap.report.templating import rendered_page
+from savmap.report.templating import jpeg_address, rendered_page
 from savmap.types import CloseUp, RowMap
 
 MOST_PX = 900
@@ -40,7 +39,7 @@ class SheetPicture:
     @property
     def address(self) -> str:
         """The picture as an address that needs no file."""
-        return f"data:image/jpeg;base64,{base64.b64encode(self.part.content).decode()}"
+        return jpeg_address(self.part.content)
 
     @property
     def resolution(self) -> str:
@@ -69,15 +68,11 @@ def sheet_pictures(page: InspectionPage) -> Iterator[SheetPicture]:
         for part in (part for said in page.inspection.rows.get(row, {}).values() for part in said.close_ups):
             picture = pictures.part(part.corners, most_px=MOST_PX)
             if picture is not None:
-                texts, measured = texts_at(page.site_map.rows[row], part), measured_of(page, row, part.subject)
+                findings = [finding for said in page.inspection.rows[row].values() for finding in said.findings]
+                of_part = [finding for finding in findings if finding.subjects == (part.subject,)]
+                measured = tuple(text_of(row, finding) for finding in of_part if finding.value is not None)
+                texts = texts_at(page.site_map.rows[row], part)
                 yield SheetPicture(row, part.title, texts, measured, picture)
-
-
-def measured_of(page: InspectionPage, row: str, subject: str) -> tuple[FindingText, ...]:
-    """The findings about a structure of a row and no other that have a value."""
-    findings = [finding for part in page.inspection.rows[row].values() for finding in part.findings]
-    measured = [finding for finding in findings if finding.subjects == (subject,) and finding.value is not None]
-    return tuple(text_of(row, finding) for finding in measured)
 
 
 def texts_at(row: RowMap, part: CloseUp) -> tuple[str, ...]:

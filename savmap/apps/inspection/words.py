@@ -23,40 +23,34 @@ class FindingText:
 
 
 def text_of(row: str, finding: Finding) -> FindingText:
-    """What is written of a finding."""
-    texts = place_text(finding), value_text(finding), limit_text(finding), likely_text(finding)
-    return FindingText(row, finding, *texts)
+    """What is written of a finding: the value with one standard deviation, such as "-2.1 \u00b1 0.8 mm in 1 m (-16 mm
+    over 7.80 m)", the limit likewise, and how likely it is beyond that, such as "57 % likely beyond it"."""
+    place = likely = ""
+    if finding.place is not None:
+        place = f"{fixed(finding.place[0], 2)} m along the row, {fixed(finding.place[1], 2)} m high"
+    if finding.probability is not None:
+        percent = 100 * finding.probability
+        words = "more than 99 %" if percent > 99 else "less than 1 %" if percent < 1 else f"{percent:.0f} %"
+        likely = f"{words} likely{'' if finding.limit is None else ' beyond it'}"
+    value, limit = _figure(finding, finding.value, finding.sigma), _figure(finding, finding.limit)
+    return FindingText(row, finding, place, value, limit, likely)
 
 
-def value_text(finding: Finding) -> str:
-    """The value with one standard deviation, such as "-2.1 ± 0.8 mm in 1 m (-16 mm over 7.80 m)"; "" for none."""
-    if finding.value is None:
+def _figure(finding: Finding, number: float | None, sigma: float | None = None) -> str:
+    """A number with its unit, and what a slope makes over the length, or what share of it a sag is."""
+    if number is None:
         return ""
-    size = f"{_number(finding, finding.value)}{_spread(finding)} {_unit(finding)}"
-    return size + _over(finding, finding.value)
-
-
-def limit_text(finding: Finding) -> str:
-    """The limit, as the value; "" for none."""
-    if finding.limit is None:
-        return ""
-    return f"{_number(finding, finding.limit)} {_unit(finding)}{_over(finding, finding.limit)}"
-
-
-def likely_text(finding: Finding) -> str:
-    """How likely the value is beyond the limit, or the finding true, such as "57 % likely"; "" where nothing tells."""
-    if finding.probability is None:
-        return ""
-    percent = 100 * finding.probability
-    words = "more than 99 %" if percent > 99 else "less than 1 %" if percent < 1 else f"{percent:.0f} %"
-    return f"{words} likely{'' if finding.limit is None else ' beyond it'}"
-
-
-def place_text(finding: Finding) -> str:
-    """Where it is, along the row and above the floor; "" where that is not said."""
-    if finding.place is None:
-        return ""
-    return f"{fixed(finding.place[0], 2)} m along the row, {fixed(finding.place[1], 2)} m high"
+    unit = {PER_METRE: "mm in 1 m", "m": "mm", "": "%" if finding.over_m is None else "mm"}.get(
+        finding.unit, finding.unit
+    )
+    spread = "" if sigma is None else f" \u00b1 {_number(finding, sigma)}"
+    size = f"{_number(finding, number)}{spread} {unit}"
+    if finding.over_m is None:
+        return size
+    over = f"{fixed(finding.over_m, 2)} m"
+    if finding.unit == PER_METRE:
+        return f"{size} ({fixed(number * finding.over_m, 0)} mm over {over})"
+    return f"{size} ({fixed(100 * number, 2)} % of {over})"
 
 
 def _number(finding: Finding, number: float) -> str:
@@ -67,23 +61,3 @@ def _number(finding: Finding, number: float) -> str:
     if finding.unit == "":
         return fixed(100 * number, 2) if finding.over_m is None else fixed(MM * number * finding.over_m, 1)
     return fixed(number, 1)
-
-
-def _spread(finding: Finding) -> str:
-    return "" if finding.sigma is None else f" \u00b1 {_number(finding, finding.sigma)}"
-
-
-def _unit(finding: Finding) -> str:
-    if finding.unit == "":
-        return "%" if finding.over_m is None else "mm"
-    return {PER_METRE: "mm in 1 m", "m": "mm"}.get(finding.unit, finding.unit)
-
-
-def _over(finding: Finding, number: float) -> str:
-    """What a slope makes over the length, and what share of it a sag is."""
-    if finding.over_m is None:
-        return ""
-    over = f"{fixed(finding.over_m, 2)} m"
-    if finding.unit == PER_METRE:
-        return f" ({fixed(number * finding.over_m, 0)} mm over {over})"
-    return f" ({fixed(100 * number, 2)} % of {over})"

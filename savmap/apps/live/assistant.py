@@ -114,17 +114,13 @@ class CaptureAssistant:
             yield Advice("turning", "attention", f"The camera turns: turn it back to the {side}.", side)
         if self.tilt_deg > TILT_DEG:
             yield Advice("tilted", "attention", f"The camera leans by {self.tilt_deg:.0f} degrees: set it upright.")
-        if self.is_blurred():
+        latest, usual = np.median(list(self._sharpness)[-LEAST:]), np.percentile(self._sharpness, 75)
+        if len(self._sharpness) >= RECENT and bool(latest < BLUR * usual):
             yield Advice("blurred", "attention", "The picture is blurred: walk more slowly, or clean the lens.")
         if self.is_flickering():
             yield Advice(
                 "flicker", "attention", "Brightness flickers: set the shutter to 1/50 s or 1/60 s, as the mains."
             )
-
-    def is_blurred(self) -> bool:
-        """Whether the latest frames are much less sharp than is usual."""
-        latest, usual = np.median(list(self._sharpness)[-LEAST:]), np.percentile(self._sharpness, 75)
-        return len(self._sharpness) >= RECENT and bool(latest < BLUR * usual)
 
     def is_flickering(self) -> bool:
         """Whether brightness goes up and down from frame to frame."""
@@ -139,18 +135,6 @@ class CaptureAssistant:
         """Whether a part of what faces the structure stays as it is while the rest moves on."""
         if self.facing_deg is None or len(self._greys) < BLOT_FRAMES or sum(self._swept) < MOVING_DEG:
             return False
-        return self.steady_deg() > COVERED_DEG
-
-    def is_too_fast(self) -> bool:
-        """Whether the latest frames have too little in common, or what is abeam passes too far between them."""
-        if len(self._likeness) < LEAST:
-            return False
-        swept = float(np.median(list(self._swept)[-LEAST:]))
-        return bool(swept > FAST_DEG or np.median(self._likeness) < LEAST_LIKENESS)
-
-    def steady_deg(self) -> float:
-        """The height of the largest piece of upright edges that stay where they are before what faces the structure;
-        edges along the way stay in place by themselves."""
         bands = np.stack([horizon(grey) for grey in self._greys]).astype(np.float32)
         width = bands.shape[2]
         bearings = (np.arange(width) + 0.5) * 360 / width - 180
@@ -163,7 +147,14 @@ class CaptureAssistant:
         joined = cv2.dilate(steady, np.ones((3, 1), np.uint8))
         _, _, stats, _ = cv2.connectedComponentsWithStats(joined, connectivity=8)
         height = int(stats[1:, cv2.CC_STAT_HEIGHT].max()) if len(stats) > 1 else 0
-        return height * 360.0 / int(width)
+        return height * 360.0 / int(width) > COVERED_DEG
+
+    def is_too_fast(self) -> bool:
+        """Whether the latest frames have too little in common, or what is abeam passes too far between them."""
+        if len(self._likeness) < LEAST:
+            return False
+        swept = float(np.median(list(self._swept)[-LEAST:]))
+        return bool(swept > FAST_DEG or np.median(self._likeness) < LEAST_LIKENESS)
 
 
 def horizon(grey: Grey) -> Grey:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from contextlib import nullcontext
-from pathlib import Path
 
 from savmap.apps.exchange.recordings import MapRecorder
 from savmap.apps.live.assistant import Advice
@@ -14,7 +13,7 @@ from savmap.cli.mapping import map_and_print
 from savmap.cli.speech import say
 from savmap.errors import VideoError
 from savmap.jobs.cache import locked
-from savmap.site.job import Job, prepare
+from savmap.site.job import prepare
 from savmap.types import Panorama, SiteMap
 
 RECORD = "live.mcap"
@@ -32,7 +31,8 @@ def walk_and_print(
     mapped."""
     output = job.walked.output
     prepare(output)
-    with locked(output), _recording(output, records) as recorder, _begun(job, resume, splits) as live:
+    recording = MapRecorder(output / RECORD, chunked=False) if records else nullcontext()
+    with locked(output), recording as recorder, _begun(job, resume, splits) as live:
         teller = _Teller(live, recorder)
         try:
             for panorama in frames:
@@ -44,11 +44,12 @@ def walk_and_print(
         except KeyboardInterrupt:
             say("the walk ends; mapping all that was recorded (interrupt again to leave that out)", err=True)
     with end_told(output):
-        map_and_print(_with_rows_found(job) if splits else job.recorded)
-
-
-def _recording(output: Path, records: bool) -> MapRecorder | nullcontext[None]:
-    return MapRecorder(output / RECORD, chunked=False) if records else nullcontext()
+        whole = job.recorded
+        if splits:
+            with Console(output / "savmap.log") as console:
+                whole = job.with_rows_found(console)
+            say(f"rows that were filmed: {', '.join(whole.site.rows)}", err=True)
+        map_and_print(whole)
 
 
 def _begun(job: LiveJob, resume: bool, splits: bool) -> LiveRows | LiveMapping:
@@ -58,13 +59,6 @@ def _begun(job: LiveJob, resume: bool, splits: bool) -> LiveRows | LiveMapping:
     if live.resumed:
         say(f"row {job.row}: what was measured in {live.resumed} frames is kept from an earlier session", err=True)
     return live
-
-
-def _with_rows_found(job: LiveJob) -> Job:
-    with Console(job.recorded.output / "savmap.log") as console:
-        split = job.with_rows_found(console)
-    say(f"rows that were filmed: {', '.join(split.site.rows)}", err=True)
-    return split
 
 
 class _Teller:

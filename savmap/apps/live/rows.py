@@ -7,7 +7,6 @@ are of; in the end `savmap split` looks at the whole recording.
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from types import TracebackType
 
 import numpy as np
 
@@ -91,7 +90,10 @@ class LiveRows:
         self._begun_s = panorama.stamp_s if np.isnan(self._begun_s) else self._begun_s
         before, inside = self._watch.is_inside, self._watch.take(panorama)
         if before and not inside:
-            self._next_row(panorama.frame)
+            self.stop()
+            self._maps += self._live.state("stopped").maps
+            self._number, self._first = self._number + 1, panorama.frame
+            self._live = self._mapping(self.maps)
         state = self._live.take(numbered(panorama, panorama.frame - self._first), measures=inside)
         return self._of_walk(state, panorama.frame + 1, panorama.stamp_s - self._begun_s)
 
@@ -103,19 +105,11 @@ class LiveRows:
     def _mapping(self, others: Mapping[str, RowMap]) -> LiveMapping:
         return LiveMapping(self._job.renamed(self.row), self.row, others=others)
 
-    def _next_row(self, frame: int) -> None:
-        self.stop()
-        self._maps += self._live.state("stopped").maps
-        self._number, self._first = self._number + 1, frame
-        self._live = self._mapping(self.maps)
-
     def _of_walk(self, state: LiveState, frames: int, footage_s: float) -> LiveState:
         return replace(state, frames=frames, footage_s=round(footage_s, 3), maps=self._maps + state.maps)
 
     def __enter__(self) -> "LiveRows":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()

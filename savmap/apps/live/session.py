@@ -17,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 
 import numpy as np
 
@@ -47,7 +47,7 @@ from savmap.plugin.segmenters import SegmenterPool
 from savmap.site.job import Job, prepare
 from savmap.site.model import pass_names
 from savmap.site.preflight import tells_scale
-from savmap.types import Floats, Panorama, RowMap, View, ViewSpec
+from savmap.types import Panorama, RowMap, View, ViewSpec
 from savmap.types.progress import SilentMonitor
 from savmap.vision.odometry import Follower
 from savmap.vision.view_planning import PassPreview
@@ -217,7 +217,9 @@ class LiveMapping:
         self._reply = MapReply(None, "", 0, 0.0)
         self._maps, self._stated_s, self._looked_for, self._handled = 0, 0.0, PREVIEWED, 0.0
         if resume:
-            self._take_up()
+            live_plan = self._journal.get(LivePlan, PLAN, 0)
+            if live_plan is not None:
+                self._begin(live_plan)
         self._worker = threading.Thread(target=self._work, name="savmap-walk", daemon=True)
         self._worker.start()
 
@@ -255,7 +257,9 @@ class LiveMapping:
         self._map_again()
         self._advice = [*advice, *self._further_advice()]
         state = self.state("walking")
-        self._write_state(state)
+        if time.monotonic() - self._stated_s > STATE_S:
+            write_text(self.job.output / STATE, state.as_json())
+            self._stated_s = time.monotonic()
         return state
 
     def state(self, status: str) -> LiveState:
@@ -294,9 +298,7 @@ class LiveMapping:
     def __enter__(self) -> "LiveMapping":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _plan(self) -> bool:
@@ -320,12 +322,6 @@ class LiveMapping:
                 self._begin(LivePlan.of(plan))
         return True
 
-    def _take_up(self) -> None:
-        """Go on with the views that an earlier session chose."""
-        live_plan = self._journal.get(LivePlan, PLAN, 0)
-        if live_plan is not None:
-            self._begin(live_plan)
-
     def _begin(self, live_plan: LivePlan) -> None:
         """Begin to measure and to map."""
         self._reply = MapReply(None, "", 0, 0.0)
@@ -335,16 +331,13 @@ class LiveMapping:
         self._walk = RowWalk((self.request, plan), SegmenterPool(self.request.plugins), self._renderer, self._journal)
         self._walk.begin(plan.name, self.request.passes[0], SilentMonitor())
         self._way.keys.towards = [] if self._walk.towards is None else [self._walk.towards]
-        self._follow_attitude(plan.attitude())
-        self._mapper = Mapper(self.job, self.row, self._key, live_plan, self._others)
-
-    def _follow_attitude(self, attitude: Floats | None) -> None:
-        """Tell the assistant where the structure is, and how the camera leans."""
+        attitude = plan.attitude()
         if attitude is not None:
             towards = attitude.T @ np.array([0.0, 0.0, -1.0])
             self.assistant.facing_deg = float(np.degrees(np.arctan2(towards[0], towards[2])))
             up = attitude.T @ np.array([0.0, 1.0, 0.0])
             self.assistant.tilt_deg = float(np.degrees(np.arccos(np.clip(RIG_UP @ up, -1, 1))))
+        self._mapper = Mapper(self.job, self.row, self._key, live_plan, self._others)
 
     def _work(self) -> None:
         """Choose the views, then measure the latest frames, several at a time where this machine has the cores;
@@ -409,8 +402,3 @@ class LiveMapping:
         if shutil.disk_usage(self.job.output).free < DISK_BYTES:
             advice.append(Advice("disk", "stop", f"{self.job.output}: the disk is nearly full; make room."))
         return advice
-
-    def _write_state(self, state: LiveState) -> None:
-        if time.monotonic() - self._stated_s > STATE_S:
-            write_text(self.job.output / STATE, state.as_json())
-            self._stated_s = time.monotonic()

@@ -4,11 +4,10 @@ it comes, and panoramas that another program hands over."""
 import logging
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 
 import av
 import av.error
@@ -175,23 +174,20 @@ class StreamCopy:
 
     def __init__(self, path: Path, stream: VideoStream) -> None:
         self.path = path
-        self._writing = partial(_writing, path)
-        with self._writing():
+        with _writing(path):
             self._file = av.open(str(path), "w", "matroska", options=CLUSTER)
             self._stream = self._file.add_stream_from_template(stream)
 
     def write(self, packet: "av.Packet[VideoStream]") -> None:
         """Append a packet."""
         packet.stream = self._stream
-        with self._writing():
+        with _writing(self.path):
             self._file.mux(packet)
 
     def __enter__(self) -> "StreamCopy":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(av.error.FFmpegError, OSError):
             self._file.close()
 
@@ -235,17 +231,10 @@ class FrameRecorder:
         return stream
 
 
-class _writing:  # noqa: N801 -- a context, used as a function
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
     """Errors of FFmpeg in writing a file as OutputError."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if isinstance(error, av.error.FFmpegError | OSError):
-            raise OutputError(f"{self.path}: the recording cannot be written ({_why(error)})") from error
+    try:
+        yield
+    except (av.error.FFmpegError, OSError) as error:
+        raise OutputError(f"{path}: the recording cannot be written ({_why(error)})") from error

@@ -1,17 +1,13 @@
 """The command that finds passes in a recording."""
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from savmap.cli.commands.options import output_option
 from savmap.cli.speech import say
-
-if TYPE_CHECKING:
-    from savmap.apps.split.records import SplitResult
 
 
 def split(
@@ -21,13 +17,16 @@ def split(
     sheet: Annotated[Path | None, typer.Option(help="Write a contact sheet of the passes (PNG).")] = None,
 ) -> None:
     """Find the passes through aisles in a long recording, and write them into a site file to be confirmed."""
+    from savmap.apps.split.contact_sheet import clock
     from savmap.apps.split.find import split as find_and_write
     from savmap.cli.console import Console
 
     with Console(Path(os.devnull)) as console:
         result = find_and_write(recording, output, into, sheet, monitor=console)
-    for line in _passes(result):
-        say(line)
+    say("pass     start       end   heading  sides        confidence")
+    for number, row_pass in enumerate(result.passes, start=1):
+        times = f"{clock(row_pass.start_s):>8}  {clock(row_pass.end_s):>8}  {row_pass.heading_deg:+6.0f}"
+        say(f"{number:4d}  {times}    {' and '.join(row_pass.sides):<14} {row_pass.confidence:4.2f}")
     say(f"wrote {into or output}: look through it before mapping")
     if sheet is not None:
         say(f"wrote {sheet}")
@@ -35,15 +34,3 @@ def split(
         f"{result.frames_decoded} frames decoded for {result.frame_pairs} pairs of pictures, "
         f"of {result.frames} in the recording"
     )
-
-
-def _passes(result: "SplitResult") -> Iterator[str]:
-    """A table of the passes that were found."""
-    from savmap.apps.split.contact_sheet import clock
-
-    yield "pass     start       end   heading  sides        confidence"
-    for number, row_pass in enumerate(result.passes, start=1):
-        yield (
-            f"{number:4d}  {clock(row_pass.start_s):>8}  {clock(row_pass.end_s):>8}  {row_pass.heading_deg:+6.0f}"
-            f"    {' and '.join(row_pass.sides):<14} {row_pass.confidence:4.2f}"
-        )

@@ -54,7 +54,15 @@ def contact_sheet(
         figure.text(12 / width, 1 - (top + 12) / height, words, va="top", color=ink, fontsize=11, linespacing=1.5)
         for k, stamp_s in enumerate(picture_stamps(detected)):
             thumb = area(_TEXT_WIDTH + k * THUMB_WIDTH, top, THUMB_WIDTH, THUMB_WIDTH // 2)
-            _draw_thumb(thumb, pictures[3 * number + k], detected, stamp_s)
+            picture = pictures[3 * number + k]
+            thumb.imshow(np.roll(picture, -round(detected.way_deg / 360 * picture.shape[1]), axis=1), aspect="auto")
+            thumb.axis("off")
+            outline = [withStroke(linewidth=3, foreground="black")]
+            thumb.text(6, 16, clock(stamp_s), color="white", fontsize=9, path_effects=outline)
+            for side in detected.sides:
+                first, last = (share * THUMB_WIDTH for share in _MARKED[side])
+                thumb.plot((first, last), (THUMB_WIDTH / 2 + 4,) * 2, color=_GREEN, linewidth=3, clip_on=False)
+            thumb.set(xlim=(0, THUMB_WIDTH), ylim=(THUMB_WIDTH / 2, 0))
     stream = io.BytesIO()
     figure.savefig(stream, format="png")
     return stream.getvalue()
@@ -78,17 +86,6 @@ def _words(number: int, detected: DetectedPass) -> str:
             *stood,
         ]
     )
-
-
-def _draw_thumb(axes: Axes, picture: Image, detected: DetectedPass, stamp_s: float) -> None:
-    axes.imshow(np.roll(picture, -round(detected.way_deg / 360 * picture.shape[1]), axis=1), aspect="auto")
-    axes.axis("off")
-    outline = [withStroke(linewidth=3, foreground="black")]
-    axes.text(6, 16, clock(stamp_s), color="white", fontsize=9, path_effects=outline)
-    for side in detected.sides:
-        first, last = (share * THUMB_WIDTH for share in _MARKED[side])
-        axes.plot((first, last), (THUMB_WIDTH / 2 + 4,) * 2, color=_GREEN, linewidth=3, clip_on=False)
-    axes.set(xlim=(0, THUMB_WIDTH), ylim=(THUMB_WIDTH / 2, 0))
 
 
 def clock(stamp_s: float) -> str:

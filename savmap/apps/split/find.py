@@ -11,36 +11,29 @@ import numpy as np
 from savmap.apps.split.contact_sheet import THUMB_WIDTH, check_picture, contact_sheet, picture_stamps
 from savmap.apps.split.frame_pairs import coarse_stamps, frame_pairs, pictures_at
 from savmap.apps.split.passes import find_passes
-from savmap.apps.split.records import DetectedPass, SplitResult, SplitSettings
+from savmap.apps.split.records import SplitResult, SplitSettings
 from savmap.apps.split.site_rows import add_to_site, check_new, new_site
 from savmap.errors import StructureError, VideoError
 from savmap.files.atomic import write_bytes
 from savmap.files.yaml_text import path_text
 from savmap.types.progress import Monitor, SilentMonitor
 from savmap.video.clip import DecodeReport, Image, VideoInfo
-from savmap.video.motion import WIDTH, FramePair, Motion, exposed_as, likeness, motion_of, strip_flow
+from savmap.video.motion import WIDTH, FramePair, exposed_as, likeness, motion_of, strip_flow
 from savmap.video.reader import probe
 
 DEFAULTS = SplitSettings()
 Span = tuple[float, float]
 
 
-class CutWatch:
-    """Notes where a pair of a recording is not like the one before: where the picture changes all at once, what was
-    straight before need not be the same drive after."""
-
-    def __init__(self, settings: SplitSettings) -> None:
-        self.settings = settings
-        self.suspects: list[Span] = []
-        self._last: FramePair | None = None
-
-    def over(self, pairs: Iterable[FramePair]) -> Iterator[FramePair]:
-        """The pairs themselves."""
-        for pair in pairs:
-            if self._last is not None and alike(self._last.second, pair.first) < self.settings.suspect:
-                self.suspects.append((self._last.stamp_s + self._last.gap_s, pair.stamp_s))
-            self._last = pair
-            yield pair
+def watched(pairs: Iterable[FramePair], settings: SplitSettings, suspects: list[Span]) -> Iterator[FramePair]:
+    """The pairs themselves; `suspects` gets the spans in which a recording may be cut: where the picture changes all at
+    once, what was straight before need not be the same drive after."""
+    last: FramePair | None = None
+    for pair in pairs:
+        if last is not None and alike(last.second, pair.first) < settings.suspect:
+            suspects.append((last.stamp_s + last.gap_s, pair.stamp_s))
+        last = pair
+        yield pair
 
 
 def split(
@@ -83,18 +76,27 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
     if info.codec == "images":
         raise VideoError(f"{recording}: is a folder of pictures; only a video is split into passes")
     report, monitor = DecodeReport(), monitor or SilentMonitor()
-    watch = CutWatch(settings)
-    coarse_s = coarse_stamps(info, settings.every_s)
-    motions = _motions(info, coarse_s, settings, report, monitor, "looking for passes", watch)
+    suspects, coarse_s = list[Span](), coarse_stamps(info, settings.every_s)
+    pairs = watched(frame_pairs(info, coarse_s, settings, report), settings, suspects)
+    motions = [motion_of(pair) for pair in monitor.each(pairs, "looking for passes", len(coarse_s))]
     if len(motions) < 2:
         raise VideoError(
             f"{recording}: no two frames {settings.apart_s:g} s apart can be decoded; the file is cut off or damaged"
         )
-    cuts_s = cuts(info, watch.suspects, settings)
+    cuts_s = cuts(info, suspects, settings)
     coarse = find_passes(motions, settings, cuts_s)
-    closer = _closer_stamps(coarse.passes, motions, settings)
-    motions += _motions(info, closer, settings, report, monitor, "looking closer at their ends")
-    result = find_passes(_in_order(motions), settings, cuts_s)
+    ends = [end for detected in coarse.passes for end in (detected.start_s, detected.end_s)]
+    stamps = [motion.stamp_s for motion in motions]
+    wanted = set[float]()
+    for before, after in pairwise(stamps):
+        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
+            parts = round((after - before) / settings.closer_s)
+            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
+    closer = sorted(wanted)
+    pairs = frame_pairs(info, closer, settings, report)
+    motions += [motion_of(pair) for pair in monitor.each(pairs, "looking closer at their ends", len(closer))]
+    by_time = sorted({motion.stamp_s: motion for motion in motions}.items())
+    result = find_passes([motion for _, motion in by_time], settings, cuts_s)
     if not result.passes:
         raise StructureError(
             f"{recording}: no pass was found: nowhere does the camera go straight for {settings.least_s:g} s or more "
@@ -102,37 +104,6 @@ def find(recording: Path, settings: SplitSettings = DEFAULTS, monitor: Monitor |
         )
     frames = round(info.duration_s * info.rate_fps)
     return replace(result, frame_pairs=report.used, frames_decoded=report.decoded, frames=frames)
-
-
-def _motions(
-    info: VideoInfo,
-    stamps_s: list[float],
-    settings: SplitSettings,
-    report: DecodeReport,
-    monitor: Monitor,
-    doing: str,
-    watch: CutWatch | None = None,
-) -> list[Motion]:
-    pairs = frame_pairs(info, stamps_s, settings, report)
-    pairs = pairs if watch is None else watch.over(pairs)
-    return [motion_of(pair) for pair in monitor.each(pairs, doing, len(stamps_s))]
-
-
-def _closer_stamps(passes: tuple[DetectedPass, ...], motions: list[Motion], settings: SplitSettings) -> list[float]:
-    """Times around the passes' ends, between the samples there."""
-    ends = [end for detected in passes for end in (detected.start_s, detected.end_s)]
-    stamps = [motion.stamp_s for motion in motions]
-    wanted = set[float]()
-    for before, after in pairwise(stamps):
-        if any(before - settings.every_s / 2 < end < after + settings.every_s / 2 for end in ends):
-            parts = round((after - before) / settings.closer_s)
-            wanted |= {round(before + (after - before) * part / parts, 3) for part in range(1, parts)}
-    return sorted(wanted)
-
-
-def _in_order(motions: list[Motion]) -> list[Motion]:
-    """Sorted by time, each time once."""
-    return [motion for _, motion in sorted({motion.stamp_s: motion for motion in motions}.items())]
 
 
 def alike(first: Image, second: Image) -> float:

@@ -40,7 +40,9 @@ def find_passes(motions: Sequence[Motion], settings: SplitSettings, cuts_s: Sequ
     kept = _plausible(candidates, squared, settings)
     passes = tuple(_record(candidates[index], squared[index] - squared[kept[0]], settings) for index in kept)
     stamps = np.array([motion.stamp_s for motion in motions])
-    return SplitResult(passes, stamps, _timeline(lines, rig))
+    way = lines[0].way if lines else 0.0
+    travel: Floats = rig + way - (lines[0].travel if lines else 0.0)
+    return SplitResult(passes, stamps, travel)
 
 
 def _along(motions: Sequence[Motion], rig: Floats, line: Straight, settings: SplitSettings) -> list[_Candidate]:
@@ -178,25 +180,13 @@ def _record(candidate: _Candidate, heading: float, settings: SplitSettings) -> D
     sides = tuple(side for side, counted in zip(SIDES, structured, strict=True) if counted)
     long = min(1.0, _moving_s(candidate) / (_LONG * settings.least_s))
     confidence = candidate.near_share * (0.5 + 0.5 * long)
+    turned = float(wrapped(np.array(heading)))
     return DetectedPass(
         round(candidate.start_s, 2),
         round(candidate.end_s, 2),
-        round(_half_turns(heading), 1),
+        round(abs(turned) if abs(turned) > 179.95 else turned + 0.0, 1),
         round(candidate.straight.way, 1),
         sides,
         round(float(confidence), 2),
         round(candidate.stood_s, 1),
     )
-
-
-def _half_turns(degrees: float) -> float:
-    """An angle above -180 and up to 180 degrees; a heading just beyond -180 is 180."""
-    turned = float(wrapped(np.array(degrees)))
-    return abs(turned) if abs(turned) > 179.95 else turned + 0.0
-
-
-def _timeline(lines: Sequence[Straight], rig: Floats) -> Floats:
-    """The direction of travel (n,) against the first straight's, degrees."""
-    way = lines[0].way if lines else 0.0
-    travel: Floats = rig + way - (lines[0].travel if lines else 0.0)
-    return travel

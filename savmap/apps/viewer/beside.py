@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from savmap.apps.dates.comparison import LEVEL
+from savmap.apps.dates.comparison.compare import LEVEL
 from savmap.apps.dates.files import compared
 from savmap.apps.viewer.data import Before
 from savmap.apps.viewer.page import PARTS, Origin, View, script_names, write_view

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from savmap.apps.dates.comparison import CHANGES, Comparison, Difference, ElementChange, RowComparison, RowMotion
+from savmap.apps.dates.comparison.records import (
+    CHANGES,
+    Comparison,
+    Difference,
+    ElementChange,
+    RowComparison,
+    RowMotion,
+)
 from savmap.errors import visible
 from savmap.maps.exports.frames import alignment_of
 from savmap.maps.search import PART
@@ -101,7 +108,10 @@ def _sizes(place: Structure) -> Entry:
 
 
 def _structure(plugin: str, structure: Structure, labels: Labels, deviations: Mapping[str, float]) -> Entry:
-    shortened = (_shortened(label, structure.id) for label in structure.vertex_labels)
+    solid = structure.solid
+    # "+" and what follows the structure's id, where a label begins with that: such endings are few
+    whole, texts = structure.id, structure.vertex_labels
+    shortened = (f"+{visible(s.removeprefix(whole))}" if s.startswith(whole) else f"={visible(s)}" for s in texts)
     return {
         "plugin": visible(plugin),
         "id": visible(structure.id),
@@ -109,27 +119,15 @@ def _structure(plugin: str, structure: Structure, labels: Labels, deviations: Ma
         "attributes": {visible(name): _attribute(value) for name, value in structure.attributes.items()},
         "labels": [labels.setdefault(label, len(labels)) for label in shortened],
         "edges": structure.edges.ravel().tolist(),
-        "solid": _solid(structure),
+        "solid": solid and {name: np.round(getattr(solid, name), 5).tolist() for name in ("outline", "depth")},
         "off": _off(deviations.get(structure.id)),
     }
-
-
-def _shortened(label: str, whole: str) -> str:
-    """A vertex's label; "+" and what follows its structure's id, where it begins with that: such endings are few."""
-    return f"+{visible(label.removeprefix(whole))}" if label.startswith(whole) else f"={visible(label)}"
 
 
 def _attribute(value: Attribute) -> Entry | float | int | str:
     if isinstance(value, Measured):
         return {"value": value.value, "sigma": value.sigma}
     return visible(value) if isinstance(value, str) else value
-
-
-def _solid(structure: Structure) -> Entry | None:
-    if structure.solid is None:
-        return None
-    solid = structure.solid
-    return {"outline": np.round(solid.outline, 5).tolist(), "depth": np.round(solid.depth, 5).tolist()}
 
 
 def _off(deviation: float | None) -> float | str | None:
@@ -184,18 +182,6 @@ class Before:
         return self.photos.get(name) if self.is_shown(name) else None
 
 
-def site_entry(before: Before | None) -> Entry | None:
-    """What the page says of both dates as a whole: rows that only one has."""
-    if before is None:
-        return None
-    comparison = before.comparison
-    return {
-        "level": comparison.level,
-        "missing": [visible(name) for name in comparison.missing],
-        "new": [visible(name) for name in comparison.new],
-    }
-
-
 def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry | None:
     """The earlier date of a row, in the new one's frame; None where there is none. `lies`: what lies beside the page,
     "old face" in its own frame."""
@@ -207,40 +193,32 @@ def row_entry(before: Before, row: RowMap, labels: Labels, lies: Entry) -> Entry
         plugin: tuple(_carried(structure, motion) for structure in group) for plugin, group in old.structures.items()
     }
     numbers = _numbers(carried), _numbers(row.structures)
-    face = lies.get("old face")
-    poses = old.trajectory.world_from_rig
+    face, poses = lies.get("old face"), old.trajectory.world_from_rig
+    in_new = replace(old, structures=carried)
     return {
-        **vertex_entry(carried),
-        "structures": structure_entries(replace(old, structures=carried), labels),
+        **_old_entry(in_new, labels, lies, motion.points(poses[:, :3, 3]), _turn(motion) @ poses[:, :3, :3]),
         "face": face and carried_face(face, motion),
-        **_stills(old, lies, motion.points(poses[:, :3, 3]), _turn(motion) @ poses[:, :3, :3]),
         "motion": _motion(motion),
         "changes": [_change(change, *numbers) for change in compared.elements],
         "openings": [_opening(change) for change in compared.openings if change.state in CHANGES],
     }
 
 
-def gone_entry(row: RowMap, labels: Labels, lies: Entry) -> Entry:
-    """The earlier date of a row that only the earlier map has, in its own frame: nothing of it was compared with
-    anything."""
-    poses = row.trajectory.world_from_rig
+def _old_entry(row: RowMap, labels: Labels, lies: Entry, centres: Floats, turns: Floats) -> Entry:
+    """An earlier row of which nothing was compared: its structures, its panoramas, and of the camera's path the places
+    from which they were taken, (n, 3) m and (n, 3, 3), in the frame that is shown."""
+    stills = lies.get("old stills", [])
+    kept = np.isin(row.trajectory.frames, [still["frame"] for still in stills])
     return {
         **vertex_entry(row.structures),
         "structures": structure_entries(row, labels),
         "face": lies.get("old face"),
-        **_stills(row, lies, poses[:, :3, 3], poses[:, :3, :3]),
+        "stills": stills,
+        "frames": path_entry(row, centres, turns, kept),
         "motion": None,
         "changes": [],
         "openings": [],
     }
-
-
-def _stills(row: RowMap, lies: Entry, centres: Floats, turns: Floats) -> Entry:
-    """The earlier panoramas, and of the camera's path the places from which they were taken, (n, 3) m and (n, 3, 3), in
-    the frame that is shown."""
-    stills = lies.get("old stills", [])
-    kept = np.isin(row.trajectory.frames, [still["frame"] for still in stills])
-    return {"stills": stills, "frames": path_entry(row, centres, turns, kept)}
 
 
 def carried_face(face: Entry, motion: RowMotion) -> Entry:
@@ -366,11 +344,16 @@ def page_data(
         lies = files.get(name, {})
         entry = _row(row, site_map.placements.get(name), lies.get("joint", ""))
         entry["structures"] = structure_entries(row, labels, _deviations(evaluation, name))
-        entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": _is_aligned(site_map, name)}
+        placed = name in site_map.placements or len(site_map.rows) + len(site_map.failed) == 1
+        aligned = placed and alignment_of(site_map, name) is not None
+        entry |= {"face": lies.get("face"), "stills": lies.get("stills", []), "aligned": aligned}
         entry["places"] = place_entries(places.get(name, {}))
         entry["before"] = row_entry(before, row, labels, lies) if before else None
         rows.append(entry)
+    dates: Entry | None = None
     if before:
+        level, names = before.comparison.level, {"missing": before.comparison.missing, "new": before.comparison.new}
+        dates = {"level": level, **{what: list(map(visible, rows_of)) for what, rows_of in names.items()}}
         rows += [_missing_row(row, before, site_map, labels, files.get(row.name, {})) for row in before.missing]
     return {
         "title": visible(title),
@@ -379,26 +362,22 @@ def page_data(
         "rows": rows,
         "vertex_labels": list(labels),
         "alignment": _alignment(site_map.alignment),
-        "dates": site_entry(before),
+        "dates": dates,
     }
 
 
 def _missing_row(row: RowMap, before: Before, site_map: SiteMap, labels: Labels, lies: Entry) -> Entry:
-    """A row that only the earlier map has: nothing of the new date, where the earlier map says that it stood."""
+    """A row that only the earlier map has, in its own frame: nothing of the new date, where the earlier map says that
+    it stood."""
     nothing = replace(row, structures={}, verdict=None, joint=None, trajectory=NOWHERE)
     entry = _row(nothing, old_place(before, site_map, row.name), "")
     entry |= {"structures": [], "face": None, "stills": [], "aligned": False, "places": [], "gone": True}
-    return entry | {"before": gone_entry(row, labels, lies)}
+    poses = row.trajectory.world_from_rig
+    return entry | {"before": _old_entry(row, labels, lies, poses[:, :3, 3], poses[:, :3, :3])}
 
 
 def _deviations(evaluation: Evaluation | None, row: str) -> Callable[[str], Mapping[str, float]]:
     return lambda plugin: evaluation.deviations_of(row, plugin) if evaluation else {}
-
-
-def _is_aligned(site_map: SiteMap, row: str) -> bool:
-    """Whether it is known where in the user's world the row stands."""
-    placed = row in site_map.placements or len(site_map.rows) + len(site_map.failed) == 1
-    return placed and alignment_of(site_map, row) is not None
 
 
 def _alignment(alignment: Alignment | None) -> Entry | None:

@@ -3,7 +3,7 @@
 import base64
 import sys
 import webbrowser
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
@@ -61,7 +61,12 @@ def in_notebook() -> bool:
 def map_html(site_map: SiteMap) -> str:
     """A map as HTML that needs nothing else and runs no script: what must be checked, a line for each row, and the
     rows' faces, as many as fit."""
-    drawings, missing = _drawings(site_map)
+    drawings, missing = dict[str, list[Drawing]](), ""
+    try:
+        plugins = plugins_of_map(site_map)
+        drawings = {name: drawings_of(row, plugins[name], None, {}) for name, row in site_map.rows.items()}
+    except SavmapError as error:
+        missing = str(error)
     rows = summaries(Report(site_map, drawings))
     faces = dict(_faces(rows))
     return rendered(
@@ -74,15 +79,6 @@ def map_html(site_map: SiteMap) -> str:
         more=sum(1 for row in rows if row.drawings) - len(faces),
         missing=missing,
     )
-
-
-def _drawings(site_map: SiteMap) -> tuple[Mapping[str, Sequence[Drawing]], str]:
-    """What the plugins draw of each row, or why there is nothing."""
-    try:
-        plugins = plugins_of_map(site_map)
-        return {name: drawings_of(row, plugins[name], None, {}) for name, row in site_map.rows.items()}, ""
-    except SavmapError as error:
-        return {}, str(error)
 
 
 def _faces(rows: Sequence[Summary]) -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ import html
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.resources import files
@@ -22,8 +23,8 @@ import numpy as np
 from savmap.apps.viewer.data import Before, Entry, Places, joint_text, page_data
 from savmap.files.atomic import file_name, write_text
 from savmap.report.orthophotos import scaled_down
-from savmap.report.templating import digest
-from savmap.types import Evaluation, JointCovariance, Orthophoto, RowMap, SiteMap, Still
+from savmap.report.templating import digest, jpeg_address
+from savmap.types import Evaluation, JointCovariance, Orthophoto, SiteMap, Still
 
 FACES, SMALL, STILLS, JOINTS = "face", "face/small", "pano", "joint"
 OLD_FACES, OLD_SMALL, OLD_STILLS = "face/old", "face/old/small", "pano/old"
@@ -41,12 +42,6 @@ MOST_JOINT = 300_000
 
 MARK = 8
 """Hexadecimal digits of the mark of a row whose name another has but for letters' case."""
-
-
-def _are_joints_too_large(rows: Mapping[str, RowMap]) -> bool:
-    """Whether the joint covariances are too large for the page."""
-    sizes = [len(row.joint.covariance) for row in rows.values() if row.joint]
-    return sum(2 * size * (size + 1) for size in sizes) > MOST_JOINT
 
 
 def script_names(rows: Iterable[str]) -> dict[str, str]:
@@ -74,7 +69,7 @@ def write_row_scripts(
     that is too large for the page. Returns what the page must know of them. Raises OutputError."""
     face = _written_face(name, photo, (SMALL, FACES), folder) if photo else None
     for still in stills or ():
-        _write(folder, _still_path(name, still.frame), _address(still.picture.tobytes()))
+        _write(folder, _still_path(name, still.frame), jpeg_address(still.picture.tobytes()))
     frames = _kept_frames(name, folder) if stills is None else [still.frame for still in stills]
     joint_path = f"{JOINTS}/{name}.js" if joint else ""
     if joint:
@@ -122,8 +117,8 @@ def remove_others(entries: Iterable[Entry], folder: Path, with_stills: bool) -> 
 def _written_face(name: str, photo: Orthophoto, parts: tuple[str, str], folder: Path) -> Entry:
     """A small picture, and a finer one for the face view, each in its part of the folder."""
     paths = [f"{part}/{name}.js" for part in parts]
-    _write(folder, paths[0], _address(scaled_down(photo)))
-    _write(folder, paths[1], _address(_at_most(photo)))
+    _write(folder, paths[0], jpeg_address(scaled_down(photo)))
+    _write(folder, paths[1], jpeg_address(_at_most(photo)))
     return {
         "origin_m": np.round(photo.origin, 6).tolist(),
         "right": photo.right.tolist(),
@@ -149,10 +144,6 @@ def _still_path(name: str, frame: int) -> str:
     return f"{STILLS}/{name}-{frame:05d}.js"
 
 
-def _address(jpeg: bytes) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode('ascii')}"
-
-
 def _write(folder: Path, path: str, content: str) -> None:
     write_text(folder / path, f'{_head(path)}"{content}");\n')
 
@@ -163,19 +154,12 @@ def _head(path: str) -> str:
 
 def _scripts(part: str, folder: Path) -> set[str]:
     """The paths of the scripts in a part of a folder that savmap wrote there."""
-    if not (folder / part).is_dir():
-        return set()
-    files = (file for file in (folder / part).iterdir() if file.suffix == ".js" and file.is_file())
-    return {f"{part}/{file.name}" for file in files if _is_script(file, f"{part}/{file.name}")}
-
-
-def _is_script(file: Path, path: str) -> bool:
-    head = _head(path).encode()
-    try:
-        with file.open("rb") as stream:
-            return stream.read(len(head)) == head
-    except OSError:
-        return False
+    scripts = set[str]()
+    for path in (f"{part}/{file.name}" for file in (folder / part).glob("*.js")):
+        head = _head(path).encode()
+        with suppress(OSError), (folder / path).open("rb") as stream:
+            scripts |= {path} if stream.read(len(head)) == head else set()
+    return scripts
 
 
 def _kept_frames(name: str, folder: Path) -> list[int]:
@@ -247,7 +231,8 @@ def write_view(view: View, path: Path) -> None:
     """Write the page, and beside it the pictures that it loads when they are looked at. Raises OutputError."""
     folder, stills, before = path.parent, view.stills, view.before
     rows, names = view.site_map.rows, script_names(view.site_map.rows)
-    outside = _are_joints_too_large(rows)
+    sizes = [len(row.joint.covariance) for row in rows.values() if row.joint]
+    outside = sum(2 * size * (size + 1) for size in sizes) > MOST_JOINT
     files = {
         name: write_row_scripts(
             names[name],

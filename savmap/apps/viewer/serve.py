@@ -6,7 +6,6 @@ from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path, PurePosixPath
-from types import TracebackType
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
 from savmap.apps.viewer.page import FACES, JOINTS, STILLS
@@ -57,9 +56,7 @@ class ViewServer:
     def __enter__(self) -> "ViewServer":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -1,8 +1,7 @@
 """Footage with the wireframe over it, at the places of a row that deserve a look: a person can check the map there
 without a survey."""
 
-import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from savmap.geometry.pinhole import intrinsics, project, rays_from_pixels
 from savmap.geometry.sphere import panorama_pixels_from_rays
-from savmap.types import Floats, MapWarning, RowMap, Still, Structure
+from savmap.report.templating import jpeg_address
+from savmap.types import Floats, RowMap, Still, Structure
 
 WIDTH_PX, HEIGHT_PX, JPEG_QUALITY = 480, 360, 80
 LEAST_HFOV_DEG, MOST_HFOV_DEG, ROOM = 40.0, 95.0, 1.6
@@ -51,10 +51,14 @@ def footage_views(row: RowMap, stills: Sequence[Still]) -> tuple[FootageView, ..
     for what, points, warned in _subjects(row):
         nearest = located[int(np.linalg.norm(centres - points.mean(axis=0), axis=1).argmin())]
         if nearest.frame not in decoded:
-            decoded[nearest.frame] = _decoded(nearest)
+            decoded[nearest.frame] = np.asarray(
+                cv2.cvtColor(np.asarray(cv2.imdecode(nearest.picture, cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB), np.uint8
+            )
         picture = _view(decoded[nearest.frame], poses[nearest.frame], points, row, warned)
+        coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         stamp, name = row.frames.stamps_s[nearest.frame], row.frames.passes[nearest.frame]
-        views.append(FootageView(what, f"{name}, {stamp:.1f} s, frame {nearest.frame}", _uri(picture)))
+        place = f"{name}, {stamp:.1f} s, frame {nearest.frame}"
+        views.append(FootageView(what, place, jpeg_address(coded[1].tobytes())))
     return tuple(views)
 
 
@@ -62,7 +66,13 @@ def _subjects(row: RowMap) -> Iterator[Subject]:
     """What is worth a look: why, its points (n, 3) m, and the structures that it is about."""
     structures = _structures(row)
     warnings = row.verdict.warnings if row.verdict else ()
-    shown = [subject for warning in warnings if (subject := _subject(warning, structures)) is not None][:MOST_VIEWS]
+    shown = list[Subject]()
+    for warning in warnings:  # which names ids alone, so that all structures of such an id are meant
+        keys = frozenset(key for key in structures if key[1] in warning.subjects)
+        points = [structures[key].vertices for key in sorted(keys)] or [np.array([warning.place])]
+        if keys or warning.place is not None:
+            shown.append((warning.line, np.concatenate(points), keys))
+    shown = shown[:MOST_VIEWS]
     yield from shown
     shown_keys = frozenset[Key]().union(*(keys for _, _, keys in shown))
     weakest = sorted((key for key in structures if key not in shown_keys), key=lambda key: _support(structures[key]))
@@ -75,15 +85,6 @@ def _structures(row: RowMap) -> dict[Key, Structure]:
     return {(plugin, structure.id): structure for plugin, group in row.structures.items() for structure in group}
 
 
-def _subject(warning: MapWarning, structures: Mapping[Key, Structure]) -> Subject | None:
-    """A warning names ids alone, so that all structures of such an id are meant."""
-    keys = frozenset(key for key in structures if key[1] in warning.subjects)
-    points = [structures[key].vertices for key in sorted(keys)]
-    if warning.place is not None and not points:
-        points = [np.array([warning.place])]
-    return (warning.line, np.concatenate(points), keys) if points else None
-
-
 def _support(structure: Structure) -> float:
     value = structure.attributes.get("support", 1.0)
     return float(value) if isinstance(value, int | float) else 1.0
@@ -91,7 +92,10 @@ def _support(structure: Structure) -> float:
 
 def _view(panorama: Picture, world_from_rig: Floats, points: Floats, row: RowMap, warned: frozenset[Key]) -> Picture:
     world_from_view = looking_at(world_from_rig[:3, 3], points.mean(axis=0))
-    camera = intrinsics(_hfov_deg(world_from_rig[:3, 3], points), WIDTH_PX, HEIGHT_PX)
+    centre = world_from_rig[:3, 3]
+    rays = unit(points - centre)
+    half = float(np.degrees(np.arccos(np.clip(rays @ unit(points.mean(axis=0) - centre), -1, 1))).max())
+    camera = intrinsics(float(np.clip(2 * ROOM * half, LEAST_HFOV_DEG, MOST_HFOV_DEG)), WIDTH_PX, HEIGHT_PX)
     picture = _cut(panorama, world_from_rig[:3, :3].T @ world_from_view, camera)
     for key, structure in sorted(_structures(row).items(), key=lambda item: item[0] in warned):
         colour, width = (WARNED, 2) if key in warned else (SHOWN, 1)
@@ -113,20 +117,6 @@ def unit(vectors: Floats) -> Floats:
     """Vectors (..., 3) of length 1."""
     scaled: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return scaled
-
-
-def _hfov_deg(centre: Floats, points: Floats) -> float:
-    """Wide enough for the points."""
-    rays = unit(points - centre)
-    half = float(np.degrees(np.arccos(np.clip(rays @ unit(points.mean(axis=0) - centre), -1, 1))).max())
-    return float(np.clip(2 * ROOM * half, LEAST_HFOV_DEG, MOST_HFOV_DEG))
-
-
-def _decoded(still: Still) -> Picture:
-    """A still's panorama (h, 2 h, 3), RGB."""
-    return np.asarray(
-        cv2.cvtColor(np.asarray(cv2.imdecode(still.picture, cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB), np.uint8
-    )
 
 
 def _cut(panorama: Picture, rig_from_view: Floats, camera: Floats) -> Picture:
@@ -155,8 +145,3 @@ def _line(picture: Picture, ends: Floats, camera: Floats, colour: tuple[int, int
     if inside:
         cv2.line(picture, first, second, UNDER, width + 2, cv2.LINE_AA)
         cv2.line(picture, first, second, colour, width, cv2.LINE_AA)
-
-
-def _uri(picture: Picture) -> str:
-    coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
-    return f"data:image/jpeg;base64,{base64.b64encode(coded.tobytes()).decode('ascii')}"

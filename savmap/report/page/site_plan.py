@@ -29,7 +29,13 @@ def site_plan(rows: Sequence[Summary], site: SiteMap) -> Figure | None:
     frame = frame_of(np.concatenate([*points, *origins]), _MARGIN, (0.15, 0.0))
     grid, labels = metre_grid(frame, down=1)
     layers = [layer for name, row in drawn.items() for layer in _row_layers(row, places[name])]
-    ties = _tie_layers(site, places)
+    styles: dict[str, list[Shape]] = {style: [] for style in _TIES}
+    for tie in site.matches:
+        point = _tie_point(site, tie)
+        if point is not None and tie.row_a in places:
+            dot = path(_in_plan(point, places[tie.row_a]))
+            styles["tie off" if is_tie_off(tie) else "tie"].append(Shape(dot, tie_hint(tie)))
+    ties = [Layer(style, tuple(shapes)) for style, shapes in styles.items() if shapes]
     failed = [row for row in rows if row.row is None and row.name in places]
     return Figure(
         id="site-plan",
@@ -129,16 +135,6 @@ def _name(row: Summary, place: Placement) -> Label:
     side = "end" if along > 0.4 else "start" if along < -0.4 else "middle"
     state = "failed" if row.row is None else "attention" if row.remarks else ""
     return Label(x, z, shortened(row.name, 18), f"name {side} {state}".strip(), f"#{row.anchor}", dy=0.35)
-
-
-def _tie_layers(site: SiteMap, places: Mapping[str, Placement]) -> list[Layer]:
-    styles: dict[str, list[Shape]] = {style: [] for style in _TIES}
-    for tie in site.matches:
-        point = _tie_point(site, tie)
-        if point is not None and tie.row_a in places:
-            dot = path(_in_plan(point, places[tie.row_a]))
-            styles["tie off" if is_tie_off(tie) else "tie"].append(Shape(dot, tie_hint(tie)))
-    return [Layer(style, tuple(shapes)) for style, shapes in styles.items() if shapes]
 
 
 def _tie_point(site: SiteMap, tie: CrossRowMatch) -> Floats | None:

@@ -9,19 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from savmap.maps.run_record import RowRun, RunLog
+from savmap.maps.run_record import RunLog
 from savmap.maps.search import PART
 from savmap.report.evaluation import all_errors, named_counts, statistics
 from savmap.report.numbers import NOTHING, centimetres, duration, fixed, natural
 from savmap.report.page.summary import OFF, Summary, total_counts
 from savmap.types import (
     Alignment,
-    AlignmentResidual,
     CrossRowMatch,
     Distances,
-    Floats,
-    ReferenceUse,
-    RowMap,
     Score,
     Structure,
 )
@@ -101,9 +97,10 @@ def number_cell(value: float | None, decimals: int, plus: bool = False) -> Cell:
     return Cell(fixed(value, decimals, plus), value)
 
 
-def centimetre_cell(value_m: float | None, plus: bool = False) -> Cell:
-    """A cell of metres, written as centimetres."""
-    return Cell(centimetres(value_m, plus), value_m)
+def centimetre_cells(*values_m: float | None, plus: bool = False) -> Iterator[Cell]:
+    """Cells of metres, written as centimetres; a dash for none and for what is not a number."""
+    for value_m in values_m:
+        yield Cell(centimetres(value_m, plus), None if value_m is None or np.isnan(value_m) else float(value_m))
 
 
 def row_cell(row: Summary) -> Cell:
@@ -117,17 +114,48 @@ def row_table(rows: Sequence[Summary]) -> Table:
     scored = any(row.score for row in rows)
     error = ["mean abs error, cm"] if scored else []
     names = ("row", "'state", *labels, "length, m", "references", "worst, \u03c3", *error, "'remarks")
-    lines = tuple(_row_line(row, labels, scored) for row in rows)
-    caption = "Rows; those that failed first"
-    return Table("rows-table", caption, heads(*names), lines, "only rows that failed or deserve attention")
+    lines = []
+    for row in rows:
+        mapped, nothing = row.row is not None, Cell(NOTHING)
+        state = "check" if row.warnings else row.status
+        cells = (
+            row_cell(row),
+            Cell(state, style=f"badge {state}"),
+            *(count_cell(row.counts.get(label, 0)) if mapped else nothing for label in labels),
+            number_cell(row.length_m, 2),
+            count_cell(len(row.references)) if mapped else nothing,
+            number_cell(max((abs(reference.deviation) for reference in row.references), default=None), 1),
+            *(centimetre_cells(row.error_m) if scored else ()),
+            Cell(row.error or "; ".join(row.remarks), style="words"),
+        )
+        lines.append(Line(cells, "failed" if not mapped else "off" if row.remarks else ""))
+    filters = "only rows that failed or deserve attention"
+    return Table("rows-table", "Rows; those that failed first", heads(*names), tuple(lines), filters)
 
 
 def footage_table(rows: Sequence[Summary]) -> Table:
     """A line for each pass of each row: its file, the size of its pictures, how many frames were used and read, and of
     which time of the video."""
     names = ("row", "'pass", "'file", "'pictures, px", "frames used", "frames read", "from, s", "to, s", "length, s")
-    lines = tuple(line for row in rows if row.row for line in _pass_lines(row, row.row))
-    return Table("footage-table", "Footage; times are those of the file", heads(*names), lines)
+    lines = []
+    for row, mapped in ((row, row.row) for row in rows if row.row):
+        passes, files = np.array(mapped.frames.passes, dtype=object), row.run.footage if row.run else {}
+        used = passes[mapped.trajectory.frames]
+        for name in dict.fromkeys(mapped.frames.passes):
+            stamps, file = mapped.frames.stamps_s[passes == name], files.get(name)
+            start, end = float(stamps.min()), float(stamps.max())
+            size = f"{file.width} \u00d7 {file.height}" if file and file.width else NOTHING
+            cells = (
+                row_cell(row),
+                Cell(name),
+                Cell(file.name if file else NOTHING),
+                Cell(size, file.width if file else None),
+                count_cell(int((used == name).sum())),
+                count_cell(len(stamps)),
+                *(number_cell(value, 1) for value in (start, end, end - start)),
+            )
+            lines.append(Line(cells))
+    return Table("footage-table", "Footage; times are those of the file", heads(*names), tuple(lines))
 
 
 def openings_table(row: Summary) -> Table | None:
@@ -162,131 +190,81 @@ def openings_table(row: Summary) -> Table | None:
     return Table(f"{row.anchor}-openings", caption, heads(*names), lines)
 
 
+def _size_cell(place: Structure | None, size: str) -> Cell:
+    """A size of a place with its standard deviation; one that rests on something that nothing measured looks so."""
+    for name, value, sigma in place.sizes() if place else ():
+        if place and name == size:
+            style = "assumed" if size in str(place.attributes.get(ASSUMED, "")) else ""
+            return Cell(fixed(value, 3), value, style, note=f"\u00b1 {fixed(sigma, 3)}")
+    return Cell(NOTHING)
+
+
 def reference_table(rows: Sequence[Summary]) -> Table:
     """A line for each reference of each row."""
     sigmas = ("\u03c3 given", "\u03c3 used", "in \u03c3 given")
     names = ("reference", "'row", "given", "solved", "residual", *sigmas, "'state", "'unit")
-    lines = tuple(_reference_line(row, reference) for row in rows for reference in row.references)
-    caption = "References: residual is solved \u2212 given"
-    return Table("references-table", caption, heads(*names), lines, "only those contradicted or left out")
-
-
-def _row_line(row: Summary, labels: Sequence[str], scored: bool) -> Line:
-    worst = max((abs(reference.deviation) for reference in row.references), default=None)
-    mapped, nothing = row.row is not None, Cell(NOTHING)
-    state = "check" if row.warnings else row.status
-    cells = (
-        row_cell(row),
-        Cell(state, style=f"badge {state}"),
-        *(count_cell(row.counts.get(label, 0)) if mapped else nothing for label in labels),
-        number_cell(row.length_m, 2),
-        count_cell(len(row.references)) if mapped else nothing,
-        number_cell(worst, 1),
-        *([centimetre_cell(row.error_m)] if scored else []),
-        Cell(row.error or "; ".join(row.remarks), style="words"),
-    )
-    return Line(cells, "failed" if not mapped else "off" if row.remarks else "")
-
-
-def _pass_lines(row: Summary, mapped: RowMap) -> Iterator[Line]:
-    passes, files = np.array(mapped.frames.passes, dtype=object), row.run.footage if row.run else {}
-    used = passes[mapped.trajectory.frames]
-    for name in dict.fromkeys(mapped.frames.passes):
-        stamps, file = mapped.frames.stamps_s[passes == name], files.get(name)
-        start, end = float(stamps.min()), float(stamps.max())
-        size = f"{file.width} \u00d7 {file.height}" if file and file.width else NOTHING
-        cells = (
-            row_cell(row),
-            Cell(name),
-            Cell(file.name if file else NOTHING),
-            Cell(size, file.width if file else None),
-            count_cell(int((used == name).sum())),
-            count_cell(len(stamps)),
-            *(number_cell(value, 1) for value in (start, end, end - start)),
-        )
-        yield Line(cells)
-
-
-def _size_cell(place: Structure | None, size: str) -> Cell:
-    """A size of a place with its standard deviation; one that rests on something that nothing measured looks so."""
-    size_found = next(((value, sigma) for name, value, sigma in place.sizes() if name == size), None) if place else None
-    if place is None or size_found is None:
-        return Cell(NOTHING)
-    style = "assumed" if size in str(place.attributes.get(ASSUMED, "")) else ""
-    return Cell(fixed(size_found[0], 3), size_found[0], style, note=f"\u00b1 {fixed(size_found[1], 3)}")
-
-
-def _reference_line(row: Summary, reference: ReferenceUse) -> Line:
-    cells = (
-        Cell(reference.name),
-        row_cell(row),
-        number_cell(reference.value, 4),
-        number_cell(reference.solved, 4),
-        number_cell(reference.solved - reference.value, 4, True),
-        number_cell(reference.sigma, 4),
-        number_cell(reference.sigma_used, 4),
-        Cell(fixed(reference.deviation, 2, True), abs(reference.deviation)),
-        Cell(reference.state),
-        Cell(reference.unit),
-    )
-    return Line(cells, "off" if reference.state in OFF else "")
-
-
-STATISTICS = ("count", "mean, cm", "mean abs, cm", "95 %, cm", "largest, cm")
+    lines = []
+    for row in rows:
+        for use in row.references:
+            cells = (
+                Cell(use.name),
+                row_cell(row),
+                number_cell(use.value, 4),
+                number_cell(use.solved, 4),
+                number_cell(use.solved - use.value, 4, True),
+                number_cell(use.sigma, 4),
+                number_cell(use.sigma_used, 4),
+                Cell(fixed(use.deviation, 2, True), abs(use.deviation)),
+                Cell(use.state),
+                Cell(use.unit),
+            )
+            lines.append(Line(cells, "off" if use.state in OFF else ""))
+    caption, filters = "References: residual is solved \u2212 given", "only those contradicted or left out"
+    return Table("references-table", caption, heads(*names), tuple(lines), filters)
 
 
 def class_table(score: Score) -> Table:
     """By class of measure: count, mean, mean absolute error, 95th percentile and largest of its size."""
-    classes = [_error_line(name, errors) for name, errors in score.errors.items()]
-    total = [_error_line("all of these", all_errors(score), "sum")] if len(score.errors) > 1 else []
-    edges = [_error_line(f"{name} (place in the row)", errors) for name, errors in score.coordinates.items()]
-    lines = (*classes, *total, *edges)
-    return Table("errors-by-class", "Truth \u2212 estimate by class", heads("class", *STATISTICS), lines)
+    names = ("class", "count", "mean, cm", "mean abs, cm", "95 %, cm", "largest, cm")
+    total = [("all of these", all_errors(score), "sum")] if len(score.errors) > 1 else []
+    edges = [(f"{name} (place in the row)", errors, "") for name, errors in score.coordinates.items()]
+    lines = []
+    for name, errors, style in (*((name, errors, "") for name, errors in score.errors.items()), *total, *edges):
+        given = statistics(errors)
+        sizes = centimetre_cells(given.mean_absolute, given.percentile_95, given.largest)
+        lines.append(
+            Line((Cell(name), count_cell(given.count), *centimetre_cells(given.mean, plus=True), *sizes), style)
+        )
+    return Table("errors-by-class", "Truth \u2212 estimate by class", heads(*names), tuple(lines))
 
 
 def distance_table(distances: Mapping[str, Distances]) -> Table:
     """Points scored by their distance to the survey's."""
     names = ("what", "matched", "mean, cm", "95 %, cm", "largest, cm", "missing", "spurious")
-    lines = tuple(_distance_line(name, part) for name, part in distances.items())
-    return Table("errors-apart", "Distance to the surveyed place", heads(*names), lines)
+    lines = []
+    for name, part in distances.items():
+        given = statistics(part.distances_m)
+        sizes = centimetre_cells(given.mean, given.percentile_95, given.largest)
+        unmatched = map(count_cell, (part.missing, part.spurious))
+        lines.append(Line((Cell(name), count_cell(given.count), *sizes, *unmatched)))
+    return Table("errors-apart", "Distance to the surveyed place", heads(*names), tuple(lines))
 
 
 def row_errors(rows: Sequence[Summary]) -> Table:
     """Each scored row's mean absolute error as a bar, its statistics, and what is missing or spurious."""
-    scored = [(row, row.score) for row in rows if row.score]
-    largest = max((row.error_m or 0.0 for row, _ in scored), default=0.0)
+    scored = [(row, row.score, row.error_m) for row in rows if row.score]
+    largest = max((error or 0.0 for _, _, error in scored), default=0.0)
     names = ("row", "'mean absolute error", "cm", "95 %, cm", "count", "'missing", "'spurious")
-    lines = tuple(_row_error_line(row, score, largest) for row, score in scored)
-    return Table("errors-by-row", "Errors by row", heads(*names), lines)
-
-
-def _error_line(name: str, errors: Floats, style: str = "") -> Line:
-    given = statistics(errors)
-    sizes = (given.mean_absolute, given.percentile_95, given.largest)
-    cells = (centimetre_cell(given.mean, True), *map(centimetre_cell, sizes))
-    return Line((Cell(name), count_cell(given.count), *cells), style)
-
-
-def _distance_line(name: str, distances: Distances) -> Line:
-    given = statistics(distances.distances_m)
-    sizes = map(centimetre_cell, (given.mean, given.percentile_95, given.largest))
-    unmatched = map(count_cell, (distances.missing, distances.spurious))
-    return Line((Cell(name), count_cell(given.count), *sizes, *unmatched))
-
-
-def _row_error_line(row: Summary, score: Score, largest_m: float) -> Line:
-    given, error = statistics(all_errors(score)), row.error_m
-    share = (error or 0.0) / largest_m if largest_m else 0.0
-    cells = (
-        row_cell(row),
-        Cell("", error, bar=(Part(share, "error", f"{centimetres(error)} cm"),)),
-        centimetre_cell(error),
-        centimetre_cell(given.percentile_95),
-        count_cell(given.count),
-        Cell(named_counts(score.missing)),
-        Cell(named_counts(score.spurious)),
-    )
-    return Line(cells, "off" if any(score.missing.values()) or any(score.spurious.values()) else "")
+    lines = []
+    for row, score, error in scored:
+        given = statistics(all_errors(score))
+        bar = Part((error or 0.0) / largest if largest else 0.0, "error", f"{centimetres(error)} cm")
+        sizes = centimetre_cells(error, given.percentile_95)
+        unmatched = (score.missing, score.spurious)
+        cells = (row_cell(row), Cell("", error, bar=(bar,)), *sizes, count_cell(given.count))
+        off = any(any(counts.values()) for counts in unmatched)
+        lines.append(Line((*cells, *(Cell(named_counts(counts)) for counts in unmatched)), "off" if off else ""))
+    return Table("errors-by-row", "Errors by row", heads(*names), tuple(lines))
 
 
 STAGE_STYLES = 10
@@ -322,29 +300,22 @@ def time_table(rows: Sequence[Summary], log: RunLog) -> Table:
     """A line for each row: its stages as one bar, seconds, frames, memory."""
     longest = max((sum(run.seconds.values()) for run in log.rows.values()), default=0.0) or 1.0
     names = ("row", "'state", "'stages", "time, s", "frames used", "frames skipped", "memory, MB")
-    styles = stage_styles(log)
-    lines = tuple(_time_line(row, row.run, styles, longest) for row in rows if row.run)
-    return Table("times", "Stages by row", heads(*names), lines)
-
-
-def _time_line(row: Summary, run: RowRun, styles: dict[str, str], longest: float) -> Line:
-    total = sum(run.seconds.values())
-    bar = tuple(
-        Part(seconds / longest, styles[name], f"{name} {duration(seconds)}") for name, seconds in run.seconds.items()
-    )
-    cells = (
-        row_cell(row),
-        Cell(row.status, style=f"badge {row.status}"),
-        Cell("", total, bar=bar),
-        number_cell(total, 1),
-        count_cell(run.used),
-        count_cell(run.skipped),
-        number_cell(run.peak_mb, 0),
-    )
-    return Line(cells, "failed" if row.row is None else "off" if run.skipped else "")
-
-
-AXES = "xyz"
+    styles, lines = stage_styles(log), []
+    for row, run in ((row, row.run) for row in rows if row.run):
+        total = sum(run.seconds.values())
+        stages_of_row = run.seconds.items()
+        bar = tuple(Part(share / longest, styles[name], f"{name} {duration(share)}") for name, share in stages_of_row)
+        cells = (
+            row_cell(row),
+            Cell(row.status, style=f"badge {row.status}"),
+            Cell("", total, bar=bar),
+            number_cell(total, 1),
+            count_cell(run.used),
+            count_cell(run.skipped),
+            number_cell(run.peak_mb, 0),
+        )
+        lines.append(Line(cells, "failed" if row.row is None else "off" if run.skipped else ""))
+    return Table("times", "Stages by row", heads(*names), tuple(lines))
 
 
 def largest_residual(tie: CrossRowMatch) -> float:
@@ -362,7 +333,7 @@ def tie_hint(tie: CrossRowMatch) -> str:
     """Such as "A: upright 1 = B: upright 9, x +0.4 cm, z -1.0 cm (1.3 sigmas)"."""
     residuals = ", ".join(
         f"{axis} {centimetres(float(value), True)} cm"
-        for axis, value in zip(AXES, tie.residual_m, strict=True)
+        for axis, value in zip("xyz", tie.residual_m, strict=True)
         if not np.isnan(value)
     )
     sigmas = f"{largest_residual(tie):.2f} \u03c3"
@@ -375,49 +346,34 @@ def pair_table(ties: Sequence[CrossRowMatch]) -> Table:
     for tie in ties:
         pairs.setdefault((tie.row_a, tie.row_b), []).append(tie)
     order = {name: k for k, name in enumerate(natural({name for pair in pairs for name in pair}))}
-    in_order = sorted(pairs, key=lambda pair: (order[pair[0]], order[pair[1]]))
-    lines = tuple(_pair_line(pair, pairs[pair]) for pair in in_order)
     names = ("rows", "shared", "root mean square x, cm", "y, cm", "z, cm", "largest, \u03c3", "off by > 3 \u03c3")
-    return Table(
-        "ties-by-pair",
-        "Rows that see the same things, or share a camera path: what is left between them, along the site\u2019s axes",
-        heads(*names),
-        lines,
+    caption = (
+        "Rows that see the same things, or share a camera path: what is left between them, along the site\u2019s axes"
     )
+    lines = []
+    for pair in sorted(pairs, key=lambda pair: (order[pair[0]], order[pair[1]])):
+        axes = np.array([tie.residual_m for tie in pairs[pair]]).T
+        valid = [values[~np.isnan(values)] for values in axes]
+        left = centimetre_cells(*(float(np.sqrt(np.mean(values**2))) if len(values) else None for values in valid))
+        off = sum(1 for tie in pairs[pair] if is_tie_off(tie))
+        largest = number_cell(max(map(largest_residual, pairs[pair])), 2)
+        cells = (Cell(" \u2013 ".join(pair)), count_cell(len(pairs[pair])), *left, largest, count_cell(off))
+        lines.append(Line(cells, "off" if off else ""))
+    return Table("ties-by-pair", caption, heads(*names), tuple(lines))
 
 
 def tie_table(ties: Sequence[CrossRowMatch], anchors: Mapping[str, str]) -> Table:
     """A line for each structure that two rows see, the one that they place furthest apart first."""
     names = ("thing", "'in row", "'is", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3")
-    lines = tuple(_tie_line(tie, anchors) for tie in sorted(ties, key=largest_residual, reverse=True))
+    lines = []
+    for tie in sorted(ties, key=largest_residual, reverse=True):
+        row_a, row_b = (
+            Cell(name, link=f"#{anchors[name]}" if name in anchors else "") for name in (tie.row_a, tie.row_b)
+        )
+        residuals = (*centimetre_cells(*tie.residual_m, plus=True), number_cell(largest_residual(tie), 2))
+        lines.append(Line((Cell(tie.id_a), row_a, Cell(tie.id_b), row_b, *residuals), "off" if is_tie_off(tie) else ""))
     caption = "What two rows share: what is left between its two places, along the site\u2019s axes"
-    return Table("ties", caption, heads(*names), lines, "only those off by more than 3 \u03c3")
-
-
-def _pair_line(pair: tuple[str, str], ties: Sequence[CrossRowMatch]) -> Line:
-    residuals = np.array([tie.residual_m for tie in ties])
-    off = sum(1 for tie in ties if is_tie_off(tie))
-    cells = (
-        Cell(" \u2013 ".join(pair)),
-        count_cell(len(ties)),
-        *(centimetre_cell(_root_mean_square(residuals[:, axis])) for axis in range(3)),
-        number_cell(max(largest_residual(tie) for tie in ties), 2),
-        count_cell(off),
-    )
-    return Line(cells, "off" if off else "")
-
-
-def _tie_line(tie: CrossRowMatch, anchors: Mapping[str, str]) -> Line:
-    row_a, row_b = (Cell(name, link=f"#{anchors[name]}" if name in anchors else "") for name in (tie.row_a, tie.row_b))
-    axes = (None if np.isnan(value) else float(value) for value in tie.residual_m)
-    residuals = (centimetre_cell(value, True) for value in axes)
-    cells = (Cell(tie.id_a), row_a, Cell(tie.id_b), row_b, *residuals, number_cell(largest_residual(tie), 2))
-    return Line(cells, "off" if is_tie_off(tie) else "")
-
-
-def _root_mean_square(values: Floats) -> float | None:
-    valid = values[~np.isnan(values)]
-    return float(np.sqrt(np.mean(valid**2))) if len(valid) else None
+    return Table("ties", caption, heads(*names), tuple(lines), "only those off by more than 3 \u03c3")
 
 
 def alignment_facts(alignment: Alignment) -> tuple[tuple[str, str], ...]:
@@ -434,17 +390,10 @@ def alignment_facts(alignment: Alignment) -> tuple[tuple[str, str], ...]:
 def alignment_table(alignment: Alignment) -> Table:
     """A line for each known place."""
     names = ("place", "'in row", "x, cm", "y, cm", "z, cm", "in \u03c3", "'used")
-    lines = tuple(map(_alignment_line, alignment.residuals))
-    return Table("alignment", "Known places: given less mapped, along your world\u2019s axes", heads(*names), lines)
-
-
-def _alignment_line(residual: AlignmentResidual) -> Line:
-    axes = (None if np.isnan(value) else float(value) for value in residual.residual_m)
-    cells = (
-        Cell(residual.at),
-        Cell(residual.row),
-        *(centimetre_cell(value, True) for value in axes),
-        number_cell(residual.deviation, 1),
-        Cell("yes" if residual.used else "left out"),
-    )
-    return Line(cells, "off" if residual.deviation > OFF_SIGMAS or not residual.used else "")
+    lines = []
+    for left in alignment.residuals:
+        residuals = (*centimetre_cells(*left.residual_m, plus=True), number_cell(left.deviation, 1))
+        cells = (Cell(left.at), Cell(left.row), *residuals, Cell("yes" if left.used else "left out"))
+        lines.append(Line(cells, "off" if left.deviation > OFF_SIGMAS or not left.used else ""))
+    caption = "Known places: given less mapped, along your world\u2019s axes"
+    return Table("alignment", caption, heads(*names), tuple(lines))

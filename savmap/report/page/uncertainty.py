@@ -6,7 +6,7 @@ import numpy as np
 
 from savmap.report.numbers import centimetres, fixed
 from savmap.report.page.summary import Summary
-from savmap.report.page.tables import Cell, Line, Table, centimetre_cell, count_cell, heads
+from savmap.report.page.tables import Cell, Line, Table, centimetre_cells, count_cell, heads
 from savmap.types import Bools, Floats, Structure
 
 SIZE_AXES = {"width": 0, "height": 1, "depth": 2}
@@ -34,9 +34,14 @@ def sigma_table(rows: Sequence[Summary]) -> Table:
             for name, sigma in _named_sigmas(structure, assumed):
                 by_name.setdefault(name, []).append(sigma)
     names = ("what", "'0.1 mm to 1 m, logarithmic", "count", "median, cm", "95 %, cm", "largest, cm")
-    lines = tuple(_line(name, np.array(values)) for name, values in by_name.items())
+    lines = []
+    for name, values in by_name.items():
+        median, high = (float(value) for value in np.percentile(values, [50, 95]))
+        chart = Cell("", median, heights=histogram(np.array(values)))
+        figures = centimetre_cells(median, high, max(values))
+        lines.append(Line((Cell(name), chart, count_cell(len(values)), *figures)))
     without = f"; {left_out} vertices with an assumed coordinate are left out" if left_out else ""
-    return Table("sigmas", f"Standard deviations along the rows\u2019 axes{without}", heads(*names), lines)
+    return Table("sigmas", f"Standard deviations along the rows\u2019 axes{without}", heads(*names), tuple(lines))
 
 
 def histogram(values_m: Floats) -> tuple[float, ...]:
@@ -93,10 +98,3 @@ def _rests_on(size: str, assumed: Bools) -> bool:
     """Whether a size is along an axis along which a vertex is assumed."""
     axis = SIZE_AXES.get(size.rpartition(" ")[2])
     return axis is not None and bool(assumed[:, axis].any())
-
-
-def _line(name: str, values_m: Floats) -> Line:
-    median, high = (float(value) for value in np.percentile(values_m, [50, 95]))
-    chart = Cell("", median, heights=histogram(values_m))
-    figures = map(centimetre_cell, (median, high, float(values_m.max())))
-    return Line((Cell(name), chart, count_cell(len(values_m)), *figures))

@@ -104,7 +104,11 @@ def section(row: Summary) -> Section:
     if row.row and row.photo:
         figures.insert(1, photo_view(row.name, row.photo, row.drawings, words, row.anchor))
     footage = footage_views(row.row, row.stills) if row.row else ()
-    return Section(row, _facts(row), _solve(row), tuple(figures), footage, openings_table(row))
+    solve = tuple(
+        (name.replace("_", " "), fixed(value, 6) if isinstance(value, float) else str(value))
+        for name, value in (row.row.report if row.row else {}).items()
+    )
+    return Section(row, _facts(row), solve, tuple(figures), footage, openings_table(row))
 
 
 def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts:
@@ -127,15 +131,11 @@ def tiles(report: Report, rows: Sequence[Summary], score: Score | None) -> Facts
         facts += [("missing / spurious", f"{sum(score.missing.values())} / {sum(score.spurious.values())}")]
     facts += [("references, contradicted", f"{references}, {off}")] if references else []
     facts += [("ties between rows, off by > 3 \u03c3", f"{len(ties)}, {ties_off}")] if ties else []
-    return (*facts, *_run_tiles(report))
-
-
-def _run_tiles(report: Report) -> Facts:
-    log = report.log
-    if log is None:
-        return ()
-    kept = sum(1 for row in log.rows.values() if row.status == "kept")
-    return ("time on the clock", duration(log.wall_s)), *([("kept from earlier", str(kept))] if kept else [])
+    if report.log is not None:
+        facts += [("time on the clock", duration(report.log.wall_s))]
+        kept = sum(1 for row in report.log.rows.values() if row.status == "kept")
+        facts += [("kept from earlier", str(kept))] if kept else []
+    return tuple(facts)
 
 
 def _facts(row: Summary) -> Facts:
@@ -158,11 +158,3 @@ def _placed(place: Placement) -> str:
     x, z, heading = (float(sigma) for sigma in np.sqrt(np.diag(place.covariance)))
     metres = f"x {fixed(place.x_m, 3)} \u00b1 {fixed(x, 3)} m, z {fixed(place.z_m, 3)} \u00b1 {fixed(z, 3)} m"
     return f"{metres}, heading {fixed(place.heading_deg, 2)} \u00b1 {fixed(heading, 2)}\u00b0"
-
-
-def _solve(row: Summary) -> Facts:
-    figures = row.row.report if row.row else {}
-    return tuple(
-        (name.replace("_", " "), fixed(value, 6) if isinstance(value, float) else str(value))
-        for name, value in figures.items()
-    )

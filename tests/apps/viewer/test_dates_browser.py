@@ -11,7 +11,7 @@ from made_up_dates import dated_site, grey_photo
 from made_up_map import EVIL, stills, thing
 from opened_page import HERE, IN_BROWSER, Open, eventually, selected, until
 
-from savmap.apps.dates.comparison import compare_maps
+from savmap.apps.dates.comparison.compare import compare_maps
 from savmap.apps.viewer.data import Before
 from savmap.apps.viewer.page import View, write_view
 from savmap.types import SiteMap

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from savmap.apps import viewer
-from savmap.apps.dates.comparison import State
+from savmap.apps.dates.comparison.records import State
 from savmap.types import Floats
 
 SOURCE = (Path(viewer.__file__).with_name("source") / "scene" / "colours.js").read_text("utf-8")

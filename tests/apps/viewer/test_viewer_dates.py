@@ -12,7 +12,8 @@ from made_up_dates import dated_site, grey_photo
 from made_up_map import data_of, jpeg, stills
 from typer.testing import CliRunner
 
-from savmap.apps.dates.comparison import Comparison, RowComparison, RowMotion, compare_maps
+from savmap.apps.dates.comparison.compare import compare_maps
+from savmap.apps.dates.comparison.records import Comparison, RowComparison, RowMotion
 from savmap.apps.viewer.beside import viewed
 from savmap.apps.viewer.data import Before, old_place
 from savmap.apps.viewer.page import View, write_view

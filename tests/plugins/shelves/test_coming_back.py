@@ -60,11 +60,9 @@ def test_a_pass_without_references_lies_in_the_map(earlier: RowMap) -> None:
     assert row.request.references.lengths[0].value_m == pytest.approx(3 * 2.8, abs=0.15)
     found = mapped(row)
     assert found.name == "A"
-    result = updated(SiteMap({"A": earlier}, {}), {"A": found}, {})
-    assert [(change.name, change.state) for change in result.comparison.rows[0].changes] == [
-        ("bay 3 / beam 2", "moved")
-    ]
-    now = {part.id: part for part in result.site_map.rows["A"].structures["shelves"]}
+    site_map, comparison = updated(SiteMap({"A": earlier}, {}), {"A": found}, {})
+    assert [(change.name, change.state) for change in comparison.rows[0].changes] == [("bay 3 / beam 2", "moved")]
+    now = {part.id: part for part in site_map.rows["A"].structures["shelves"]}
     assert now["upright 4"].vertices[:, 0].mean() == pytest.approx(3 * 2.8 + 0.05, abs=0.02)
     assert now["bay 3 / beam 2"].vertices[:, 1].mean() == pytest.approx(1.85, abs=0.02)
     assert now["bay 4 / beam 3"].attributes["bay"] == 4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from perfect_maps import structures_of, surveyed_row
 
-from savmap.apps.dates.comparison import compare_maps
+from savmap.apps.dates.comparison.compare import compare_maps
 from savmap.errors import OutputError
 from savmap.maps.search import find_structures
 from savmap.plugin.manager import open_plugin

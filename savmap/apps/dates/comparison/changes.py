@@ -20,7 +20,7 @@ from scipy.special import ndtr, stdtr
 from savmap.apps.dates.comparison.elements import LEAN, Coverage, Elements, measured, sides
 from savmap.apps.dates.comparison.motion import LEAST_SCALE, SCALE, Equations, Fit, Pairs
 from savmap.apps.dates.comparison.records import Difference, ElementChange, ScaleDifference, State
-from savmap.types import Floats, JointCovariance, Measured, RowMap, Structure
+from savmap.types import Floats, Measured, RowMap, Structure
 
 AXES = ("x", "y", "z")
 LEAST_P = 1e-12
@@ -45,7 +45,7 @@ def pairs_compared(
         before, after = old.structures[i], new.structures[j]
         differences = [_difference(fit, k, (old, i), (new, j), carried[i]) for k in tests.get(number, [])]
         if not sizes_only:
-            differences += [*_text(old, new, i, j), *_attributes(before, after, new.sizes[j]), *_lean(before, after)]
+            differences += _of_text_and_attributes(old, new, i, j)
         p = min((difference.p for difference in differences), default=1.0)
         plugin, label = new.kinds[new.groups[j]]
         text = new.texts[j] or old.texts[i]
@@ -65,12 +65,21 @@ def _difference(fit: Fit, k: int, old: tuple[Elements, int], new: tuple[Elements
     return Difference(what, before, after, max(p, LEAST_P), residual, sigma, edges=edges)
 
 
-def _text(old: Elements, new: Elements, i: int, j: int) -> Iterator[Difference]:
-    """What is written on both. The chance that k letters are misread is taken for that of one to the power of k."""
+def _of_text_and_attributes(old: Elements, new: Elements, i: int, j: int) -> Iterator[Difference]:
+    """What is written on both, the chance that k letters are misread being taken for that of one to the power of k;
+    figures in metres with a standard deviation that are no side of the element, whose sides are tested as such; and how
+    far both lean, where both maps know it."""
     before, after = old.texts[i], new.texts[j]
     if before and after:
         p = min(1.0, float(old.misread[i] + new.misread[j])) ** _edits(before, after)
         yield Difference("text", before, after, max(p, LEAST_P))
+    earlier = measured(old.structures[i])
+    for name, (value, sigma) in measured(new.structures[j]).items():
+        if name in earlier and not (np.abs(new.sizes[j] - value) < 1e-3).any():
+            yield _tested(name, Measured(*earlier[name]), Measured(value, sigma))
+    leant, leans = old.structures[i].attributes.get(LEAN), new.structures[j].attributes.get(LEAN)
+    if isinstance(leant, Measured) and isinstance(leans, Measured) and leant.sigma + leans.sigma > 0:
+        yield _tested(LEAN, leant, leans)
 
 
 def _edits(a: str, b: str) -> int:
@@ -81,21 +90,6 @@ def _edits(a: str, b: str) -> int:
         for j, other in enumerate(b, 1):
             above, line[j] = line[j], min(line[j] + 1, line[j - 1] + 1, above + (letter != other))
     return line[-1]
-
-
-def _attributes(before: Structure, after: Structure, size: Floats) -> Iterator[Difference]:
-    """Figures in metres with a standard deviation that are no side of the element, whose sides are tested as such."""
-    earlier = measured(before)
-    for name, (value, sigma) in measured(after).items():
-        if name in earlier and not (np.abs(size - value) < 1e-3).any():
-            yield _tested(name, Measured(*earlier[name]), Measured(value, sigma))
-
-
-def _lean(before: Structure, after: Structure) -> Iterator[Difference]:
-    """How far both lean, where both maps know it."""
-    old, new = before.attributes.get(LEAN), after.attributes.get(LEAN)
-    if isinstance(old, Measured) and isinstance(new, Measured) and old.sigma + new.sigma > 0:
-        yield _tested(LEAN, old, new)
 
 
 def _tested(name: str, old: Measured, new: Measured) -> Difference:
@@ -190,27 +184,19 @@ def _map_sigma(
     if not far.any():
         return None
     if row.joint is not None:
-        return _joint_sigma(equations, fit.gain[SCALE][axis], elements, row.joint, chosen, turned)
+        solved, independent = np.zeros(len(row.joint.covariance)), 0.0
+        for pair, k in enumerate(chosen):
+            structure = elements.structures[k]
+            weights = _vertex_weights(equations, fit.gain[SCALE][axis], pair, structure, turned)
+            numbers = row.joint.coordinates.get(elements.kinds[elements.groups[k]][0], {}).get(structure.id)
+            of_joint = np.zeros(weights.shape, dtype=np.bool_) if numbers is None else numbers >= 0
+            if numbers is not None:
+                np.add.at(solved, numbers[of_joint], weights[of_joint])
+            spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
+            independent += float(np.sum((weights**2 * spread)[~of_joint]))
+        return float(np.sqrt(max(float(solved @ row.joint.covariance @ solved), 0.0) + independent))
     rates = elements.middle_sigmas[np.asarray(chosen)[equations.pair[far]], axis] / lever[far]
     return float(np.median(rates))
-
-
-def _joint_sigma(
-    equations: Equations, gain: Floats, elements: Elements, joint: JointCovariance, chosen: Sequence[int], turned: bool
-) -> float:
-    """What the errors of a map's vertices, and what they share, make of a figure that is `gain` (m,) times the
-    differences."""
-    solved, independent = np.zeros(len(joint.covariance)), 0.0
-    for pair, k in enumerate(chosen):
-        structure = elements.structures[k]
-        weights = _vertex_weights(equations, gain, pair, structure, turned)
-        numbers = joint.coordinates.get(elements.kinds[elements.groups[k]][0], {}).get(structure.id)
-        of_joint = np.zeros(weights.shape, dtype=np.bool_) if numbers is None else numbers >= 0
-        if numbers is not None:
-            np.add.at(solved, numbers[of_joint], weights[of_joint])
-        spread = np.diagonal(structure.covariances, axis1=1, axis2=2)
-        independent += float(np.sum((weights**2 * spread)[~of_joint]))
-    return float(np.sqrt(max(float(solved @ joint.covariance @ solved), 0.0) + independent))
 
 
 def _vertex_weights(equations: Equations, gain: Floats, pair: int, structure: Structure, turned: bool) -> Floats:

@@ -1,6 +1,5 @@
 """A comparison as JSON and as lines for a terminal."""
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -17,7 +16,7 @@ from savmap.apps.dates.comparison.records import (
     RowMotion,
     ScaleDifference,
 )
-from savmap.files.texts import json_visible
+from savmap.maps.exports.files import json_text
 
 FORMAT, VERSION = "savmap-comparison", 1
 PLACE, CHANCE = 5, 3
@@ -27,7 +26,7 @@ MM = 1000.0
 
 def comparison_text(comparison: Comparison) -> str:
     """The text of a comparison's JSON file."""
-    return json_visible(json.dumps(as_json(comparison), indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
+    return json_text(as_json(comparison))
 
 
 def as_json(comparison: Comparison) -> dict[str, Any]:

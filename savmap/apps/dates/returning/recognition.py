@@ -122,7 +122,10 @@ def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
     places = likely_places(seen, rows)
     best = places[0][0] if places else None
     if best is not None and places[0][1] > SURE:
-        return replace(best, height_sigma_m=_height_sigma(rows[best.row]))
+        mapped = rows[best.row]
+        sigmas = elements_of(mapped.structures, kinds_of(mapped.structures)).middle_sigmas[:, 1]
+        measured = sigmas[sigmas < MEASURED_M]
+        return replace(best, height_sigma_m=float(np.median(measured)) if len(measured) else np.nan)
     rows_text = f"row {next(iter(rows))}" if len(rows) == 1 else "any row of the earlier map"
     if best is None:
         raise StructureError(
@@ -136,13 +139,6 @@ def recognised(seen: RowMap, rows: Mapping[str, RowMap]) -> RowPlace:
         f"{'; row '.join(named[:NAMED])}{more}; name the row with --row, or film more of it: past an end, or something "
         "that is unlike the rest, such as a text"
     )
-
-
-def _height_sigma(mapped: RowMap) -> float:
-    """The usual standard deviation of a height in the map, m; not a number where no height was measured."""
-    sigmas = elements_of(mapped.structures, kinds_of(mapped.structures)).middle_sigmas[:, 1]
-    measured = sigmas[sigmas < MEASURED_M]
-    return float(np.median(measured)) if len(measured) else np.nan
 
 
 def likely_places(seen: RowMap, rows: Mapping[str, RowMap]) -> list[tuple[RowPlace, float]]:
@@ -352,7 +348,9 @@ def _scored(here: Shown, name: str, other: Shown, laid: Laid, sigma: float) -> S
     partners[rows] = other.elements.middles[columns, 0]
     missed, beyond = _unexplained(here, other, laid, placed)
     order = np.argsort(placed[rows, 0], kind="stable")
-    pairs = tuple(_named(here.elements, other.elements, int(rows[k]), int(columns[k])) for k in order)
+    ours, theirs = (of.elements.structures for of in (here, other))
+    plugins = here.elements.plugins
+    pairs = tuple((str(plugins[i]), ours[i].id, theirs[j].id) for i, j in laid.pairs[order].tolist())
     to_common = np.array([[0.5, 0.5, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     covariance = to_common @ np.linalg.inv(laid.information) @ to_common.T
     score = float(np.nansum(gains)) + missed * float(np.log(MISSING))
@@ -378,7 +376,7 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
     """The places of one row with what the pass shows beyond the mapped part of it: the row may go on there as it is
     elsewhere. How alike its parts are, the best of the other places tells than the best one."""
     ordered = sorted(every, key=lambda scored: -scored.place.score)
-    others = (other for other in ordered[1:] if _is_elsewhere(ordered[0], other))
+    others = (of for of in ordered[1:] if not (np.abs(ordered[0].partners - of.partners) < ELSEWHERE_M).any())
     alike = next((np.nan_to_num(other.gains, nan=0.0) for other in others), np.zeros(1))
     alike = np.broadcast_to(alike, ordered[0].gains.shape) if ordered else alike
     for scored in ordered:
@@ -386,18 +384,9 @@ def _extended(every: Sequence[Scored]) -> Iterator[RowPlace]:
         yield replace(scored.place, score=scored.place.score + more)
 
 
-def _is_elsewhere(best: Scored, other: Scored) -> bool:
-    """Whether no element has about the same partner in two hypotheses."""
-    return not bool((np.abs(best.partners - other.partners) < ELSEWHERE_M).any())
-
-
 def _scatter(off: Floats) -> float:
     """The standard deviation of differences of which most are chance."""
     return 1.48 * float(np.median(np.abs(off))) if len(off) else MOST_SIGMA_M
-
-
-def _named(here: Elements, other: Elements, i: int, j: int) -> tuple[str, str, str]:
-    return here.kinds[here.groups[i]][0], here.structures[i].id, other.structures[j].id
 
 
 def _gains(here: Elements, other: Elements, laid: Laid, off: Floats, counted: Bools, sigma: float) -> Floats:

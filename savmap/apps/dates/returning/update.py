@@ -1,4 +1,4 @@
-"""An earlier map with what another pass showed.
+"""An earlier map with what another pass showed, and a pass's map in the frame of the row that it shows.
 
 Both maps are in the row's frame, and the pass is laid onto the earlier map as the comparison of both says. What both
 have and no test tells apart is where both together put it, by covariance intersection (Julier and Uhlmann 1997, weights
@@ -9,15 +9,26 @@ are those of the earlier map.
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from savmap.apps.dates.comparison import LEVEL, Comparison, ElementChange, RowComparison, RowMotion, compare_maps
-from savmap.apps.dates.returning.frames import laid_onto
+from savmap.apps.dates.comparison.compare import LEVEL, compare_maps
+from savmap.apps.dates.comparison.records import Comparison, ElementChange, RowComparison, RowMotion
 from savmap.errors import StructureError
-from savmap.types import Attribute, Floats, JointCovariance, Measured, RowMap, SiteMap, Structure, Verdict
+from savmap.types import (
+    Attribute,
+    Floats,
+    JointCovariance,
+    Measured,
+    RowMap,
+    RowPlace,
+    SiteMap,
+    Structure,
+    Trajectory,
+    Verdict,
+)
 
 LAST_NUMBER = re.compile(r"\d+$")
 PART = re.compile(r"(\D*?)\s*(\d+)$")
@@ -27,22 +38,14 @@ Names = Mapping[str, Mapping[str, str]]
 """By plugin, what structures of a pass are called in the map, by what they are called in the pass."""
 
 
-@dataclass(frozen=True, eq=False)
-class UpdatedMap:
-    """An earlier map with what passes of some of its rows showed, and how these rows differ."""
-
-    site_map: SiteMap
-    comparison: Comparison
-
-
 def updated(
     earlier: SiteMap,
     passes: Mapping[str, RowMap],
     made_by: Mapping[str, str],
     level: float = LEVEL,
-) -> UpdatedMap:
-    """The earlier map with passes of its rows, by name, each in that row's frame. Raises StructureError where a pass
-    fits another place of its row better."""
+) -> tuple[SiteMap, Comparison]:
+    """The earlier map with passes of its rows, by name, each in that row's frame, and how these rows differ. Raises
+    StructureError where a pass fits another place of its row better."""
     rows = {name: earlier.rows[name] for name in passes}
     comparison = compare_maps(SiteMap(rows, {}), SiteMap(passes, {}), level=level)
     compared = tuple(replace(row, motion=_motion(row)) for row in comparison.rows)
@@ -50,8 +53,13 @@ def updated(
     laid = {row.new: laid_onto(passes[row.new], _motion(row)) for row in compared}
     mapped = {row.new: _updated(earlier.rows[row.new], laid[row.new], row, names[row.new]) for row in compared}
     site_map = replace(earlier, rows={**earlier.rows, **mapped}, made_by=made_by, failed={})
-    renamed = tuple(_with_names(row, names[row.new]) for row in compared)
-    return UpdatedMap(site_map, replace(comparison, rows=renamed))
+    renamed = []  # the comparison with the map's labels of what the pass showed
+    for row in compared:
+        of_row = names[row.new]
+        ids = [change.new_id and of_row[change.plugin][change.new_id] for change in row.elements]
+        elements = (replace(change, new_id=new_id) for change, new_id in zip(row.elements, ids, strict=True))
+        renamed.append(replace(row, elements=tuple(elements)))
+    return site_map, replace(comparison, rows=tuple(renamed))
 
 
 def _motion(row: RowComparison) -> RowMotion:
@@ -63,15 +71,6 @@ def _motion(row: RowComparison) -> RowMotion:
             "has changed; map it without --against"
         )
     return replace(row.motion, alternatives_m=())
-
-
-def _with_names(row: RowComparison, names: Names) -> RowComparison:
-    """The comparison with the map's labels of what the pass showed."""
-    elements = (
-        change if change.new_id is None else replace(change, new_id=names[change.plugin][change.new_id])
-        for change in row.elements
-    )
-    return replace(row, elements=tuple(elements))
 
 
 def _names(row: RowComparison, earlier: RowMap) -> Names:
@@ -133,10 +132,12 @@ def _updated(earlier: RowMap, row: RowMap, compared: RowComparison, names: Names
             if change.old_id is not None and change.state in ("same", "not seen"):
                 same.setdefault(change.plugin, set()).add(structure.id)
     renamed = {here: label for group in names.values() for here, label in group.items()}
+    order = {key: number for number, key in enumerate(before)}
     return replace(
         row,
         structures={
-            plugin: tuple(_ordered(group, earlier.structures.get(plugin, ()))) for plugin, group in kept.items()
+            plugin: tuple(sorted(group, key=lambda part: order.get((plugin, part.id), len(order))))  # new ones last
+            for plugin, group in kept.items()
         },
         references=tuple(replace(use, name=_in_words(use.name, renamed)) for use in row.references),
         report={
@@ -145,12 +146,6 @@ def _updated(earlier: RowMap, row: RowMap, compared: RowComparison, names: Names
         verdict=_verdict(earlier.verdict, row.verdict, renamed, compared),
         joint=_joint(earlier.joint, same),
     )
-
-
-def _ordered(group: Sequence[Structure], earlier: Sequence[Structure]) -> list[Structure]:
-    """Structures in the map's order, new ones last."""
-    order = {part.id: number for number, part in enumerate(earlier)}
-    return sorted(group, key=lambda part: order.get(part.id, len(order)))
 
 
 def _confirmed_or_new(
@@ -196,9 +191,10 @@ def _joined(old: Structure, new: Structure) -> Structure:
     if old.vertex_labels != new.vertex_labels:
         return new
     base = old if _unmeasured(old) < _unmeasured(new) else new
-    weights = [_weight(before, after) for before, after in zip(old.covariances, new.covariances, strict=True)]
     vertices, covariances = old.vertices.copy(), old.covariances.copy()
-    for k, weight in enumerate(weights):
+    for k in range(len(vertices)):
+        traces = [float(np.trace(of.covariances[k])) for of in (old, new)]
+        weight = traces[1] / sum(traces)
         before, after = (np.linalg.inv(of.covariances[k]) for of in (old, new))
         covariances[k] = np.linalg.inv(weight * before + (1 - weight) * after)
         of_both = weight * before @ old.vertices[k] + (1 - weight) * after @ new.vertices[k]
@@ -213,11 +209,6 @@ def _joined(old: Structure, new: Structure) -> Structure:
 def _unmeasured(structure: Structure) -> int:
     """How many coordinates of its vertices were hardly measured."""
     return int((np.diagonal(structure.covariances, axis1=1, axis2=2) > UNMEASURED_M**2).sum())
-
-
-def _weight(before: Floats, after: Floats) -> float:
-    """The earlier one's weight of two estimates, from their covariances (3, 3)."""
-    return float(np.trace(after) / (np.trace(before) + np.trace(after)))
 
 
 def _joined_figures(old: Structure, new: Structure) -> Iterator[tuple[str, Attribute]]:
@@ -287,3 +278,65 @@ def _in_words(text: str, renamed: Mapping[str, str]) -> str:
     longest = sorted(renamed, key=len, reverse=True)
     pattern = "|".join(rf"{re.escape(name)}(?!\d)" for name in longest)
     return re.sub(pattern, lambda match: renamed[match[0]], text)
+
+
+def in_row(row: RowMap, place: RowPlace, mapped: RowMap) -> RowMap:
+    """A pass that was solved in metres, moved along x into the mapped row's frame, with that row's name: by the median
+    distance of what is in both."""
+    here, other = ({(p, s.id): s for p, group in of.structures.items() for s in group} for of in (row, mapped))
+    off = [
+        _middle_x(other[plugin, theirs]) - _middle_x(here[plugin, ours])
+        for plugin, ours, theirs in place.pairs
+        if (plugin, ours) in here
+    ]
+    return moved(replace(row, name=place.row), np.eye(3), np.array([float(np.median(off)), 0.0, 0.0]))
+
+
+def _middle_x(structure: Structure) -> float:
+    return float((structure.vertices[:, 0].min() + structure.vertices[:, 0].max()) / 2)
+
+
+def laid_onto(row: RowMap, motion: RowMotion) -> RowMap:
+    """A pass laid onto the mapped row by what a comparison says of how that row's frame lies in the pass's, of which
+    little is left: millimetres, and tenths of a percent."""
+    origin, *axes = motion.points(np.vstack([np.zeros(3), np.eye(3)]))
+    row_from_mapped = np.array(axes).T - origin[:, None]
+    linear = np.linalg.inv(row_from_mapped)
+    return moved(row, linear, -linear @ origin)
+
+
+def moved(row: RowMap, linear: Floats, shift_m: Floats) -> RowMap:
+    """A row whose points p are at linear (3, 3) p + shift (3,) m. The linear part is nearly the identity: covariances
+    and the camera's attitudes stay."""
+    poses = row.trajectory.world_from_rig.copy()
+    poses[:, :3, 3] = poses[:, :3, 3] @ linear.T + shift_m
+    face = row.face
+    return replace(
+        row,
+        trajectory=Trajectory(row.trajectory.frames, poses, row.trajectory.sigma_m),
+        structures={
+            name: tuple(_moved(part, linear, shift_m) for part in group) for name, group in row.structures.items()
+        },
+        face=None if face is None else replace(face, origin=linear @ face.origin + shift_m),
+        verdict=None if row.verdict is None else _shifted(row.verdict, shift_m),
+    )
+
+
+def _moved(structure: Structure, linear: Floats, shift_m: Floats) -> Structure:
+    solid = structure.solid
+    return replace(
+        structure,
+        vertices=structure.vertices @ linear.T + shift_m,
+        solid=None if solid is None else replace(solid, outline=solid.outline @ linear.T + shift_m),
+    )
+
+
+def _shifted(verdict: Verdict, shift_m: Floats) -> Verdict:
+    """A verdict whose warnings are about other places."""
+    warnings = []
+    for warning in verdict.warnings:
+        if warning.place is not None:
+            x, y, z = (shift_m + np.array(warning.place)).tolist()
+            warning = replace(warning, place=(x, y, z))
+        warnings.append(warning)
+    return replace(verdict, warnings=tuple(warnings))

@@ -76,30 +76,24 @@ def site_of(name: str, structures: dict[str, tuple[Structure, ...]], places: np.
 
 def half_turned(site: SiteMap) -> SiteMap:
     """The same map in a frame that is turned by half a turn about y."""
-    turn = np.diag([-1.0, 1.0, -1.0])
-    rows = {}
-    for name, row in site.rows.items():
-        groups = {
-            plugin: tuple(replace(one, vertices=one.vertices @ turn) for one in group)
-            for plugin, group in row.structures.items()
-        }
-        poses = np.array([np.block([[turn, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]])]) @ (
-            row.trajectory.world_from_rig
-        )
-        rows[name] = replace(row, structures=groups, trajectory=replace(row.trajectory, world_from_rig=poses))
-    return replace(site, rows=rows)
+    return moved(site, np.diag([-1.0, 1.0, -1.0]))
 
 
 def scaled(site: SiteMap, factor: float) -> SiteMap:
     """The same map as a wrong reference makes it: all lengths times a factor, the standard deviations as they were."""
+    return moved(site, factor * np.eye(3))
+
+
+def moved(site: SiteMap, linear: np.ndarray) -> SiteMap:
+    """The same map with all places times a matrix (3, 3)."""
     rows = {}
     for name, row in site.rows.items():
         groups = {
-            plugin: tuple(replace(one, vertices=factor * one.vertices) for one in group)
+            plugin: tuple(replace(one, vertices=one.vertices @ linear.T) for one in group)
             for plugin, group in row.structures.items()
         }
         poses = row.trajectory.world_from_rig.copy()
-        poses[:, :3, 3] *= factor
+        poses[:, :3, 3] @= linear.T
         rows[name] = replace(row, structures=groups, trajectory=replace(row.trajectory, world_from_rig=poses))
     return replace(site, rows=rows)
 

@@ -7,20 +7,10 @@ import mapped_place as place
 import numpy as np
 import pytest
 
-from savmap.apps.dates.comparison import (
-    CHANGES,
-    Comparison,
-    Difference,
-    ElementChange,
-    RowMotion,
-    as_json,
-    compare_maps,
-    comparison_lines,
-    comparison_text,
-    unsaid_text,
-)
 from savmap.apps.dates.comparison.changes import accepted, chance_shares, with_states
-from savmap.apps.dates.comparison.texts import motion_text
+from savmap.apps.dates.comparison.compare import compare_maps
+from savmap.apps.dates.comparison.records import CHANGES, Comparison, Difference, ElementChange, RowMotion
+from savmap.apps.dates.comparison.texts import as_json, comparison_lines, comparison_text, motion_text, unsaid_text
 from savmap.types import Measured, SiteMap, Structure
 
 BAYS = place.irregular()

@@ -7,8 +7,10 @@ import mapped_place as place
 import numpy as np
 import pytest
 
-from savmap.apps.dates.comparison import RowComparison, ScaleDifference, as_json, compare_maps, comparison_lines
 from savmap.apps.dates.comparison.changes import with_significance
+from savmap.apps.dates.comparison.compare import compare_maps
+from savmap.apps.dates.comparison.records import RowComparison, ScaleDifference
+from savmap.apps.dates.comparison.texts import as_json, comparison_lines
 from savmap.types import SiteMap
 
 BAYS = place.irregular()
