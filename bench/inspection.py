@@ -13,7 +13,6 @@ deviations of what was measured of it.
 
 import argparse
 import json
-import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -215,22 +214,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--measured", type=int, default=40, help="how many rows without pictures")
     parser.add_argument("--rendered", type=int, default=0, help="how many rows from footage")
     parser.add_argument("--frames", type=int, default=40, help="of rendered footage")
-    parser.add_argument("--keep", type=Path, help="keep rendered footage in this folder")
 
 
 def run(arguments: argparse.Namespace) -> Figures:
     """Figures over all rows, of each kind of shape."""
     results: list[Shape] = []
     refused = 0
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed, work in tasks(arguments, arguments.keep or Path(temporary)):
-            try:
-                results += (of_row := work())
-            except SavmapError as error:
-                refused += 1
-                of_row = []
-                if not is_test(FAMILY, seed):
-                    print(f"{seed:6d}  {str(error)[:100]}", flush=True)
+    for seed, work in tasks(arguments, arguments.keep):
+        try:
+            results += (of_row := work())
+        except SavmapError as error:
+            refused += 1
+            of_row = []
             if not is_test(FAMILY, seed):
-                print(seed, json.dumps(_rounded(totals(of_row))), flush=True)
+                print(f"{seed:6d}  {str(error)[:100]}", flush=True)
+        if not is_test(FAMILY, seed):
+            print(seed, json.dumps(_rounded(totals(of_row))), flush=True)
     return {**totals(results), "total": {"refused": refused}}

@@ -255,12 +255,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--truth", type=Path, help="JSON file with the camera's places in it")
     parser.add_argument("--every", type=int, nargs="+", help="take every so many frames; several: one after another")
     parser.add_argument("--peer", action="store_true", help="also pycolmap's path (extra `validators`)")
-    parser.add_argument("--keep", type=Path, help="keep footage in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures of drives or of a clip."""
     if given.clip:
         return on_clip(given)
-    with tempfile.TemporaryDirectory() as temporary:
-        return on_drives(given, given.keep or Path(temporary))
+    return on_drives(given, given.keep)

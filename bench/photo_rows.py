@@ -19,7 +19,6 @@ Photographs are fetched by address and digest into `--photos`, they are not redi
 
 import argparse
 import json
-import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -497,7 +496,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--faces", type=_names, default=[], help="names in faces.json, with commas; all of them")
     parser.add_argument("--only", type=_names, default=[], help="of colour, grey, dim, with commas; all of them")
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="the photographs' folder")
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("--model", type=Path, help="another network than the plugin's")
     parser.add_argument("--frames", type=int, default=50)
     parser.add_argument("--width", type=int, default=2048)
@@ -506,12 +504,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> Figures:
     """Each case, and the totals."""
     results: dict[str, dict[str, Any]] = {}
-    with tempfile.TemporaryDirectory() as temporary:
-        for case in cases(given.faces, given.only):
-            base = given.keep or Path(temporary)
-            site = footage(case, base, given.photos, Size(given.frames, given.width))
-            results[case.name] = score(site, base / case.name / "out", given.model)
-            print(line(case.name, results[case.name]), flush=True)
+    for case in cases(given.faces, given.only):
+        base = given.keep
+        site = footage(case, base, given.photos, Size(given.frames, given.width))
+        results[case.name] = score(site, base / case.name / "out", given.model)
+        print(line(case.name, results[case.name]), flush=True)
     return totals(results)
 
 

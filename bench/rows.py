@@ -18,7 +18,6 @@ The acceptance table: `--set test --family rows "grey rows" "dark rows" --count 
 
 import argparse
 import json
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -320,15 +319,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--row", choices=[*ROWS, "both"], default=ROWS[0], help="the row on the left or on the right of the drive"
     )
     parser.add_argument("--without", choices=TERMS, help="a term of the face's model that is switched off")
-    parser.add_argument("--keep", type=Path, help="keep footage and what was seen of it in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Map each row of the set."""
     results: list[dict[str, Any]] = []
     print("  seed  missing  spurious  MAE cm  lamps cm  seconds  verdict", flush=True)
-    with tempfile.TemporaryDirectory() as temporary, without(given.without):
-        for family, seed, site, output in sites(given, given.keep or Path(temporary)):
+    with without(given.without):
+        for family, seed, site, output in sites(given, given.keep):
             results.append(score(site, output))
             if not is_test(family, seed):
                 print(line(seed, results[-1]), flush=True)

@@ -9,7 +9,6 @@ parameters on these rows and writes them; the shipped ones come from `--set trai
 
 import argparse
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -49,18 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=4, help="of rows of each family")
     parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES)
     parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("--fit", type=Path, metavar="FILE", help="fit the parameters and write them")
     parser.set_defaults(row="both", references="all")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures over all slots; a line for each wrong or unknown one of `dev` and `train`."""
-    with tempfile.TemporaryDirectory() as temporary:
-        rows = slot_rows(given, given.keep or Path(temporary))
-        if given.fit:
-            return fitted_to(list(rows), given)
-        pairs = [(row, slot, occupancy) for row in rows for slot, occupancy in read(row)]
+    rows = slot_rows(given, given.keep)
+    if given.fit:
+        return fitted_to(list(rows), given)
+    pairs = [(row, slot, occupancy) for row in rows for slot, occupancy in read(row)]
     return {"total": totals([(slot, occupancy) for _, slot, occupancy in pairs])} if pairs else {}
 
 

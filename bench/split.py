@@ -8,7 +8,6 @@ seed is another warehouse, through whose six aisles a cart weaves.
 
 import argparse
 import json
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -178,18 +177,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, help="of recordings; all of the set")
     parser.add_argument("--width", type=int, default=512)
     parser.add_argument("--fps", type=float, default=10.0)
-    parser.add_argument("--keep", type=Path, help="keep recordings in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Counts and errors over all recordings."""
     results = []
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed in seeds("recordings", given.set, given.count):
-            place = recording(given.keep or Path(temporary), seed, given.width, given.fps)
-            results.append(scored(place))
-            if not is_test("recordings", seed):
-                print("\n".join(lines(place.name, results[-1])), flush=True)
+    for seed in seeds("recordings", given.set, given.count):
+        place = recording(given.keep, seed, given.width, given.fps)
+        results.append(scored(place))
+        if not is_test("recordings", seed):
+            print("\n".join(lines(place.name, results[-1])), flush=True)
     passes = [row for result in results for row in result["passes"]]
     hits = [row for row in passes if row["worst_s"] is not None]
     return {

@@ -95,8 +95,8 @@ def label(
         labelled = choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ), console)
     say(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
     say(
-        f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} "
-        "(LabelMe): correct one of them, and train on that one"
+        f"wrote the same as {labelled.coco} (CVAT, Label Studio) and {labelled.images} (LabelMe): correct one of "
+        "them, and train on that one"
     )
 
 

@@ -1,8 +1,6 @@
-"""Labelled pictures as labelling tools read them: COCO instances (CVAT, Label Studio), YOLO segments, and LabelMe's
-files.
+"""Labelled pictures as labelling tools read them: COCO instances (CVAT, Label Studio), and LabelMe's files.
 
-FOLDER/images/NAME.jpg with LabelMe's NAME.json beside it, FOLDER/labels/NAME.txt and data.yaml (YOLO),
-FOLDER/coco.json.
+FOLDER/images/NAME.jpg with LabelMe's NAME.json beside it, and FOLDER/coco.json.
 """
 
 import json
@@ -17,11 +15,10 @@ from numpy.typing import NDArray
 
 from savmap.errors import OutputError
 from savmap.files.atomic import write_text
-from savmap.files.yaml_text import dumped
 from savmap.lab.label.polygons import Polygon, area
 from savmap.video.image_folder import write_picture
 
-COCO, YOLO, IMAGES, LABELS = "coco.json", "data.yaml", "images", "labels"
+COCO, IMAGES = "coco.json", "images"
 QUALITY = 95
 
 
@@ -41,7 +38,7 @@ class LabelledPicture:
 
 @dataclass(frozen=True)
 class LabelledSet:
-    """A set that was written: how many pictures and outlines, in three formats."""
+    """A set that was written: how many pictures and outlines, in both formats."""
 
     folder: Path
     pictures: int
@@ -53,11 +50,6 @@ class LabelledSet:
         return self.folder / COCO
 
     @property
-    def yolo(self) -> Path:
-        """The YOLO segments' data.yaml."""
-        return self.folder / YOLO
-
-    @property
     def images(self) -> Path:
         """The folder of the pictures and LabelMe's files."""
         return self.folder / IMAGES
@@ -65,13 +57,13 @@ class LabelledSet:
 
 def require_unused(folder: Path) -> None:
     """Raise OutputError where a folder holds labels already: someone may have corrected them."""
-    existing = next((name for name in (COCO, YOLO, IMAGES, LABELS) if (folder / name).exists()), None)
+    existing = next((name for name in (COCO, IMAGES) if (folder / name).exists()), None)
     if existing is not None:
         raise OutputError(f"{folder}: holds {existing} already, which may have been corrected; choose another -o")
 
 
 def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledPicture]) -> LabelledSet:
-    """Write pictures and labels in all three formats, each file whole; those that name all pictures come last.
+    """Write pictures and labels in both formats, each file whole; the one that names all pictures comes last.
 
     Raises OutputError where something cannot be written, or where labels are there already."""
     require_unused(folder)
@@ -81,12 +73,10 @@ def write_set(folder: Path, classes: Sequence[str], pictures: Iterable[LabelledP
         bgr = np.ascontiguousarray(picture.image[..., ::-1])
         write_picture(folder / IMAGES / f"{picture.name}.jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
         write_text(folder / IMAGES / f"{picture.name}.json", labelme(picture))
-        write_text(folder / LABELS / f"{picture.name}.txt", yolo(picture, classes))
         width, height = picture.size
         images.append({"id": len(images) + 1, "file_name": f"{picture.name}.jpg", "width": width, "height": height})
         annotations += coco_annotations(picture, classes, len(images), len(annotations) + 1)
     categories = [{"id": number, "name": name} for number, name in enumerate(classes, start=1)]
-    write_text(folder / YOLO, data_yaml(classes))
     whole = {"images": images, "annotations": annotations, "categories": categories}
     write_text(folder / COCO, json.dumps(whole) + "\n")
     return LabelledSet(folder, len(images), len(annotations))
@@ -108,23 +98,6 @@ def coco_annotations(
             "bbox": np.round([*low, *(high - low)], 2).tolist(),
             "area": round(area(polygon), 2),
         }
-
-
-def yolo(picture: LabelledPicture, classes: Sequence[str]) -> str:
-    """A line for each polygon: the class's number from 0, and corners as shares of width and height."""
-    lines = [
-        f"{number} {' '.join(f'{share:.6f}' for share in (polygon / picture.size).ravel())}"
-        for number, name in enumerate(classes)
-        for polygon in picture.shapes.get(name, ())
-    ]
-    return "".join(f"{line}\n" for line in lines)
-
-
-def data_yaml(classes: Sequence[str]) -> str:
-    """What YOLO's tools read of a set: where its pictures are, and the classes' names. No `path`: they would take one
-    of "." to be the folder that they are run in."""
-    content = {"train": IMAGES, "val": IMAGES, "names": dict(enumerate(classes))}
-    return dumped(content)
 
 
 def labelme(picture: LabelledPicture) -> str:

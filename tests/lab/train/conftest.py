@@ -52,7 +52,7 @@ def masks(count: int) -> list[tuple[np.ndarray, np.ndarray]]:
 
 @pytest.fixture
 def both(tmp_path: Path) -> Path:
-    """A folder that `savmap label` might have written: COCO, YOLO and LabelMe of the same two pictures."""
+    """A folder that `savmap label` might have written: COCO and LabelMe of the same two pictures."""
     pictures = [
         LabelledPicture(f"a-{20 * n:05d}", image, {"column": outlines(mask == 1), "crossbar": outlines(mask == 2)})
         for n, (image, mask) in enumerate(masks(2))

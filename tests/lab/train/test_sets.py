@@ -1,4 +1,4 @@
-"""Sets of other tools: COCO instances, YOLO segments and LabelMe's files."""
+"""Sets of other tools: COCO instances and LabelMe's files."""
 
 import json
 import shutil
@@ -20,7 +20,7 @@ from savmap.lab.train.data.sets import Shapes, read_set, samples_of
 from .conftest import edited, masks, write_dataset
 
 CLASSES = ["crossbar", "column"]
-KINDS = ["coco.json", "data.yaml", "images"]
+KINDS = ["coco.json", "images"]
 Edit = Callable[[Any], Any]
 
 
@@ -51,9 +51,8 @@ def test_masks_come_back_to_the_pixel(both: Path, name: str) -> None:
 
 
 def test_a_folder_is_recognised_by_what_is_in_it(both: Path, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"kinds \(.*set/coco\.json, .*set/images, .*set/data\.yaml\); give one"):
+    with pytest.raises(OutputError, match=r"kinds \(.*set/coco\.json, .*set/images\); give one"):
         read_set(both, CLASSES)
-    (both / "data.yaml").unlink()
     (both / "coco.json").rename(tmp_path / "elsewhere.json")
     assert read_set(both, CLASSES).renderer == "labelled (LabelMe)"
     with pytest.raises(OutputError, match=r"a-00000\.json: is LabelMe's of one picture; give the folder that it is in"):
@@ -76,7 +75,6 @@ def test_as_cvat_lays_it_out(both: Path) -> None:
     (both / "images").rename(both / "default")
     (both / "images").mkdir()
     (both / "default").rename(both / "images" / "default")
-    (both / "data.yaml").unlink()
     dataset = read_set(both, CLASSES)
     assert dataset.samples[0].group.startswith("set/")
     assert dataset.folder == both
@@ -153,29 +151,6 @@ def test_a_malformed_coco_file_gets_one_line(both: Path, edit: Edit, words: str)
 
 
 @pytest.mark.parametrize(
-    ("file", "text", "words"),
-    [
-        ("labels/a-00000.txt", "0 0.1 0.1 0.2 0.2\n", r"a-00000\.txt:1: is a box; label outlines"),
-        ("labels/a-00000.txt", "\nx y\n", r"a-00000\.txt:2: a class's number and corners are expected, not `x y`"),
-        ("labels/a-00000.txt", "7 0 0 1 0 1 1\n", r"a-00000\.txt:1: data\.yaml names no class 7"),
-        ("labels/a-00000.txt", "0 0 0 nan 0 1 1\n", r"a-00000\.txt:1: a corner is not a finite number"),
-        ("labels/a-00000.txt", "0 0 0 640 0 640 480\n", r"a-00000\.txt:1: corners are shares of width and height"),
-        ("images/a-00000.jpg", "", r"a-00000\.jpg: the picture cannot be read"),
-        ("data.yaml", "names: [column, crossbar]\ntrain: pictures\n", r"data\.yaml: there is no pictures beside it"),
-        ("data.yaml", "names: 3\ntrain: images\n", r"data\.yaml: `names"),
-        ("data.yaml", "names: [column, crossbar]\n", r"data\.yaml: names no pictures"),
-        ("data.yaml", "a: [\n", r"data\.yaml:2: is not YAML"),
-        ("data.yaml", "[]", r"data\.yaml: is not a data\.yaml"),
-    ],
-)
-def test_a_malformed_yolo_set_gets_one_line(both: Path, file: str, text: str, words: str) -> None:
-    (both / file).write_text(text, encoding="utf-8")
-    with pytest.raises(OutputError, match=words) as error:
-        read_set(both / "data.yaml", CLASSES)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
     ("edit", "words"),
     [
         (lambda content: content["shapes"][0].pop("label"), r"`shapes\[0\]\.label` is missing"),
@@ -220,26 +195,6 @@ def test_what_is_corrected_in_labelme_is_trained_on(both: Path) -> None:
     assert not read_set(both / "images", CLASSES).samples[0].load()[1].any()
     file.unlink()
     assert [sample.image.stem for sample in read_set(both / "images", CLASSES).samples] == ["a-00020"]
-
-
-def test_a_yolo_picture_without_a_file_of_labels_shows_nothing(both: Path) -> None:
-    (both / "labels" / "a-00000.txt").unlink()
-    (both / "train.txt").write_text("images/a-00000.jpg\nimages/a-00020.jpg\n", encoding="utf-8")
-    (both / "data.yaml").write_text("names: {0: column, 1: crossbar}\ntrain: train.txt\n", encoding="utf-8")
-    dataset = read_set(both / "data.yaml", CLASSES)
-    assert [bool(sample.load()[1].any()) for sample in dataset.samples] == [False, True]
-    (both / "labels" / "a-00020.txt").unlink()
-    with pytest.raises(OutputError, match=r"none of its pictures has labels \(such as .*labels/a-00000\.txt\)"):
-        read_set(both / "data.yaml", CLASSES)
-
-
-def test_yolo_labels_beside_the_pictures_in_a_set_below_a_folder_called_images(tmp_path: Path) -> None:
-    folder = tmp_path / "images" / "set"
-    (folder / "train").mkdir(parents=True)
-    cv2.imwrite(str(folder / "train" / "a.png"), np.zeros((48, 64, 3), np.uint8))
-    (folder / "train" / "a.txt").write_text("0 0 0 1 0 1 1 0 1\n", encoding="utf-8")
-    (folder / "data.yaml").write_text("names: [column]\ntrain: train\n", encoding="utf-8")
-    assert read_set(folder, ["column"]).samples[0].labels.mask().all()
 
 
 def test_a_picture_is_as_large_as_it_is_shown(tmp_path: Path) -> None:

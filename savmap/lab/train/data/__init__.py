@@ -1,1 +1,1 @@
-"""Labelled pictures: savmap's own data sets, COCO, YOLO segments and LabelMe."""
+"""Labelled pictures: savmap's own data sets, COCO and LabelMe."""

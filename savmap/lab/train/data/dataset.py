@@ -1,6 +1,6 @@
 """Labelled pictures on disk: reading, checking, mapping of classes, splitting into training and validation.
 
-Sets of other tools are read by `sets`, `coco`, `yolo` and `labelme`.
+Sets of other tools are read by `sets`.
 
 A data set is a folder with `images/NAME.jpg` (or .png), `masks/NAME.png` (uint8: 0 background, k = classes[k-1], 255
 not to be judged) and `dataset.json` (`{"format": "savmap-dataset", "version": 1, "classes": [...], "renderer":

@@ -1,7 +1,7 @@
-"""Labelled pictures of any kind, recognised by what is in a folder: savmap's sets, COCO, YOLO segments, LabelMe.
+"""Labelled pictures of any kind, recognised by what is in a folder: savmap's sets, COCO, LabelMe.
 
-The last three become `Drawing`s: of each picture, regions with their classes' names. They are read here, because no
-library reads all three and fits: datumaro 1.13 pins numpy 2.2, pandas, Pillow and pyarrow; supervision 0.31 reads no
+The last two become `Drawing`s: of each picture, regions with their classes' names. They are read here, because no
+library reads both and fits: datumaro 1.13 pins numpy 2.2, pandas, Pillow and pyarrow; supervision 0.31 reads no
 LabelMe and keeps all masks in memory; pycocotools 2.0 reads run-length masks alone, and leaves memory as it was where
 their runs end early.
 """
@@ -20,22 +20,16 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from savmap.errors import OutputError
-from savmap.files import yaml_text
-from savmap.files.atomic import read_json, read_text
+from savmap.files.atomic import read_json
 from savmap.files.validation import checked
 from savmap.lab.label.polygons import Mask, Polygon, filled
 from savmap.lab.train.data.dataset import NO_MAPPING, Dataset, Sample, group_in, read_dataset, require_classes
-from savmap.video.image_folder import SUFFIXES, picture_size
+from savmap.video.image_folder import picture_size
 
 MOST_MB = 256
 """Of a file of labels, in which a picture may lie too."""
 HEADER = "dataset.json"
-KINDS = (
-    f"a savmap-dataset ({HEADER}), COCO instances (a JSON file), YOLO segments (data.yaml) or a folder of LabelMe's "
-    "files"
-)
-OUTSIDE_SHARE = 0.01
-"""How far beyond a picture YOLO's corners may lie, as a share of its size."""
+KINDS = f"a savmap-dataset ({HEADER}), COCO instances (a JSON file) or a folder of LabelMe's files"
 _BITS, _MORE, _NEGATIVE, _FIRST_CHARACTER = 0x1F, 0x20, 0x10, 48
 
 Region = Sequence[Polygon] | Mask
@@ -101,7 +95,7 @@ def samples_of(datasets: Sequence[Dataset]) -> list[Sample]:
 
 
 def read_set(source: Path, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
-    """One data set: a folder, or the JSON or YAML file of one. Raises OutputError, also for a folder that holds
+    """One data set: a folder, or the JSON file of one. Raises OutputError, also for a folder that holds
     several: labels are corrected in one of them, and the others are out of date."""
     source = _on_disk(source)
     if not source.exists():
@@ -130,16 +124,11 @@ def _sets_in(folder: Path) -> Iterator[tuple[Path, Reader]]:
         drawn = {path: content for path, content in contents.items() if is_labelme(content)}
         if drawn:
             yield place, partial(read_labelme, place, drawn)
-    for path in [*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*.yml"))]:
-        if "names" in (content := _yaml_of(path)):
-            yield path, partial(read_yolo, path, content)
 
 
 def _reader_of(file: Path) -> Reader:
     if file.name == HEADER:
         return partial(read_dataset, file.parent)
-    if file.suffix.lower() in {".yaml", ".yml"}:
-        return partial(read_yolo, file, _yaml_of(file))
     content = _json_of(file)
     if is_labelme(content):
         raise OutputError(f"{file}: is LabelMe's of one picture; give the folder that it is in")
@@ -163,16 +152,6 @@ def _is_coco(content: object) -> bool:
 def is_labelme(content: object) -> bool:
     """Whether a JSON file's content is LabelMe's."""
     return isinstance(content, dict) and {"shapes", "imagePath"} <= set(content)
-
-
-def _yaml_of(path: Path) -> Mapping[str, object]:
-    try:
-        content = yaml_text.load(read_text(path, yaml_text.MOST_MB))
-    except yaml_text.YamlError as error:
-        raise OutputError(f"{path}{f':{error.line}' if error.line else ''}: is not YAML ({error})") from None
-    if not isinstance(content, dict):
-        raise OutputError(f"{path}: is not a data.yaml (a mapping with names and train)")
-    return content
 
 
 class _CocoImage(BaseModel):
@@ -262,50 +241,6 @@ def _unpacked(text: str, where: str) -> list[int]:
     return runs
 
 
-class _Yolo(BaseModel):
-    names: list[str] | dict[int, str]
-    path: str = "."
-    train: str | list[str] | None = None
-    val: str | list[str] | None = None
-    test: str | list[str] | None = None
-
-
-def read_yolo(path: Path, content: object, classes: Sequence[str], mapping: Mapping[str, str] = NO_MAPPING) -> Dataset:
-    """The segments that a data.yaml (`content`, as parsed) describes, all its parts together. A picture without a file
-    of labels shows nothing. Raises OutputError with one line."""
-    yolo = checked(_Yolo, content, str(path))
-    names = dict(enumerate(yolo.names)) if isinstance(yolo.names, list) else yolo.names
-    parts = [part for part in (yolo.train, yolo.val, yolo.test) if part]
-    places = dict.fromkeys(place for part in parts for place in ([part] if isinstance(part, str) else part))
-    pictures = sorted({file for place in places for file in _yolo_pictures(path, yolo.path, place)})
-    labels = {picture: _yolo_labels(picture) for picture in pictures}
-    if pictures and not any(file.is_file() for file in labels.values()):
-        raise OutputError(
-            f"{path}: none of its pictures has labels (such as {labels[pictures[0]]}); export the set again"
-        )
-    drawings = (_yolo_drawing(picture, labels[picture], names) for picture in pictures)
-    return _dataset(path, path.parent, "YOLO segments", list(names.values()), drawings, classes, mapping)
-
-
-def _yolo_pictures(path: Path, base: str, place: str) -> Iterator[Path]:
-    """The pictures of a folder that data.yaml names, or of a list of files."""
-    folder, part = _spellings(base)[-1], _spellings(place)[-1]
-    inner = Path(*part.parts[1:]) if part.parts[:1] == ("..",) else part
-    tried = [path.parent / relative for relative in (folder / part, part, inner)]
-    source = next(filter(Path.exists, map(_on_disk, tried)), None)
-    if source is None:
-        raise OutputError(f"{path}: there is no {place} beside it; put the pictures there, or correct the file")
-    if source.is_dir():
-        yield from (file for file in source.iterdir() if file.suffix.lower() in SUFFIXES)
-        return
-    for line in filter(None, map(str.strip, read_text(source).splitlines())):
-        listed = [_on_disk(source.parent / name) for name in _spellings(line)]
-        picture = next(filter(Path.is_file, listed), None)
-        if picture is None:
-            raise OutputError(f"{source}: there is no picture {line}")
-        yield picture
-
-
 def _on_disk(path: Path) -> Path:
     """The path as the disk has it: a name that is not there is taken for one that differs in nothing but its Unicode
     normal form, as names from Macs do (u with a diaeresis, in one character or two)."""
@@ -316,40 +251,6 @@ def _on_disk(path: Path) -> Path:
             part = next((name for name in names if normalize("NFC", name) == normalize("NFC", part)), part)
         existing /= part
     return existing
-
-
-def _yolo_labels(picture: Path) -> Path:
-    """The file of polygons of a picture: the last folder called images on its way is called labels; or beside it."""
-    sibling = picture.with_suffix(".txt")
-    parts = list(sibling.parts)
-    if "images" in parts:
-        parts[len(parts) - 1 - parts[::-1].index("images")] = "labels"
-    elsewhere = Path(*parts)
-    return sibling if sibling.is_file() and not elsewhere.is_file() else elsewhere
-
-
-def _yolo_drawing(picture: Path, labels: Path, names: Mapping[int, str]) -> Drawing:
-    size = picture_size(picture)
-    regions: list[tuple[str, Region]] = []
-    if size is None or not labels.is_file():
-        return Drawing(picture, size, regions)
-    for number, line in enumerate(read_text(labels).splitlines(), start=1):
-        where = f"{labels}:{number}"
-        if not line.strip():
-            continue
-        try:
-            label, *shares = map(float, line.split())
-        except ValueError:
-            raise OutputError(f"{where}: a class's number and corners are expected, not `{line[:40]}`") from None
-        if label not in names:
-            raise OutputError(f"{where}: data.yaml names no class {label:g}")
-        if len(shares) == 4:
-            raise OutputError(f"{where}: is a box; label outlines (YOLO segments)")
-        polygon = polygon_of(shares, where)
-        if polygon.min() < -OUTSIDE_SHARE or polygon.max() > 1 + OUTSIDE_SHARE:
-            raise OutputError(f"{where}: corners are shares of width and height, 0 to 1, not {polygon.max():g}")
-        regions.append((names[int(label)], [polygon * np.array(size)]))
-    return Drawing(picture, size, regions)
 
 
 class _LabelMeShape(BaseModel):
