@@ -18,15 +18,14 @@ import yaml
 
 import savmap
 from bench.baseline import Figures
-from bench.dark_pictures import LABELLED, dark_row
-from bench.rows import ROWS, only_one_row
+from bench.dark_pictures import LABELLED
+from bench.rows import ROWS, footage, only_one_row
 from bench.seeds import SETS, seeds
 from savmap.files.atomic import write_text
 from savmap.lab.adapt.records import AdaptOptions
 from savmap.lab.adapt.run import adapt
 from savmap.lab.commands import adapted_lines
 from savmap.lab.sim.dataset import write
-from savmap.lab.sim.simulate import simulate
 from savmap.lab.train.data.dataset import read_dataset
 from savmap.lab.train.measure import score_file
 from savmap.lab.train.plan import float_model
@@ -44,11 +43,10 @@ def site_of(seeds: Sequence[int], frames: int, base: Path, sides: Sequence[str] 
     survey: dict[str, Any] = {}
     for seed in seeds:
         folder = base / f"row-{seed}"
-        if not (folder / "site.yaml").is_file():
-            simulate(dark_row(seed, frames), folder)
+        made = footage(seed, frames, folder, "dark rows")
         survey = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
         for side in sides:
-            alone = only_one_row(folder / "site.yaml", side)
+            alone = only_one_row(made, side)
             if alone is None:
                 continue
             content = yaml.safe_load(alone.read_text(encoding="utf-8"))

@@ -477,7 +477,9 @@ def chained(*changes: Change) -> Change:
 
 
 def camera_cases(poses: Path) -> tuple[ClipCase, ...]:
-    """What real cameras give, of a simulated row."""
+    """What real cameras give, of a simulated row; nothing of another, whose path is not known."""
+    if not poses.is_file():
+        return ()
     rig = load_rig(poses)
     operator, cart = painted(rig, 180.0, 25.0, (-75.0, 5.0), 40), below(62.0, blurred=False)
     level = np.zeros((len(rig.world_from_rig), 3))

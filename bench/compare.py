@@ -82,20 +82,11 @@ def _bay_and_post(rack: Rack, rng: np.random.Generator) -> None:
     rack["bays"][bent]["width"] -= by
 
 
-def _left(rack: Rack, rng: np.random.Generator) -> None:
-    """A bay more at the left end, where the row's frame begins."""
-    rack["bays"].insert(0, {"width": 2.7, "beams": [0.2, 1.7, 3.3, 5.1, 6.4]})
-
-
-def _nothing(rack: Rack, rng: np.random.Generator) -> None:
-    pass
-
-
 CHANGES: Mapping[str, Callable[[Rack, np.random.Generator], None]] = {
-    "nothing": _nothing,
+    "nothing": lambda rack, rng: None,
     "beams": _beams,
     "bay, post, sign": _bay_and_post,
-    "bay at the left": _left,
+    "bay at the left": lambda rack, rng: rack["bays"].insert(0, {"width": 2.7, "beams": [0.2, 1.7, 3.3, 5.1, 6.4]}),
 }
 
 
@@ -121,8 +112,6 @@ def _mapped(shelves: Rack, seed: int, date: int, errors: str, path: Path) -> tup
     rng = np.random.default_rng([seed, date, 5])
     driven = driven_along(shelves, 10000 + 2 * seed + date, rng, ERRORS[errors])
     write_text(sheet, json.dumps(driven.survey))
-    if path.is_file():
-        return read_map(path), driven.survey
     known = given(driven, rng, profiles=False)
     row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
     site_map = SiteMap({"A": row_map("A", driven, row.solution, row.structures)}, {})

@@ -12,7 +12,6 @@ deviations of what was measured of it.
 """
 
 import argparse
-import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from bench.baseline import Figures
+from bench.baseline import Figures, table
 from bench.observed_rows import LOWEST_SIGMA_M, DrivenRow, Given, driven_along, given, mapped, rack, start_of, tracked
 from bench.rows import measured, only_one_row
 from bench.seeds import SETS, is_test, seeds
@@ -204,10 +203,6 @@ def tasks(arguments: argparse.Namespace, base: Path) -> Iterator[tuple[int, Call
         yield seed, partial(rendered_row, seed, base / f"deformed-row-{seed}", arguments.frames)
 
 
-def _rounded(figures: Figures) -> dict[str, dict[str, float]]:
-    return {row: {column: round(value, 3) for column, value in cells.items()} for row, cells in figures.items()}
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument("--set", choices=SETS, default="train", help="of seeds")
@@ -229,5 +224,5 @@ def run(arguments: argparse.Namespace) -> Figures:
             if not is_test(FAMILY, seed):
                 print(f"{seed:6d}  {str(error)[:100]}", flush=True)
         if not is_test(FAMILY, seed):
-            print(seed, json.dumps(_rounded(totals(of_row))), flush=True)
+            print(seed, table(totals(of_row)), sep="\n", flush=True)
     return {**totals(results), "total": {"refused": refused}}

@@ -108,18 +108,12 @@ def camera_off(metres: float, laser: bool = True) -> Callable[[Content, Content]
     return change
 
 
-def length_off(metres: float) -> Callable[[Content, Content], None]:
-    def change(site: Content, _: Content) -> None:
-        given(site)["lengths"][0]["value"] += metres
+def length_as(change: Callable[[float], float]) -> Callable[[Content, Content], None]:
+    def changed(site: Content, _: Content) -> None:
+        length = given(site)["lengths"][0]
+        length["value"] = change(length["value"])
 
-    return change
-
-
-def length_times(factor: float) -> Callable[[Content, Content], None]:
-    def change(site: Content, _: Content) -> None:
-        given(site)["lengths"][0]["value"] *= factor
-
-    return change
+    return changed
 
 
 def height_off(section: int, metres: float) -> Callable[[Content, Content], None]:
@@ -193,7 +187,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     yield Case("nothing wrong", references_only(lambda _, __: None), codes=tuple(WARNINGS))
     for times in TIMES:
         yield case(f"camera height {times} sigma off", camera_off(0.02 * times), "camera height")
-        yield case(f"length {times} sigma off", length_off(0.003 * times), "length")
+        yield case(f"length {times} sigma off", length_as((0.003 * times).__add__), "length")
         for section in range(len(heights(row.content))):
             off = 0.002 * times
             name = f"height of the lowest edge of bay {section + 1}"
@@ -208,7 +202,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     for metres in (-0.5, -0.1, 0.1, 0.5):
         yield case(f"camera {metres:+.1f} m", camera_off(metres), "camera height")
         yield case(f"camera {metres:+.1f} m, no laser", camera_off(metres, laser=False), "camera height")
-    yield case("length in units of 10 m", length_times(0.1), "length")
+    yield case("length in units of 10 m", length_as(lambda value: 0.1 * value), "length")
     yield case("length to the upright before", one_bay_short, "length")
     yield case("another row's heights", others_heights, "height of the lowest edge", "its height is not used")
     yield case("another row's length", others_length, "length")
@@ -224,7 +218,7 @@ def reference_cases(row: Filmed) -> Iterator[Case]:
     height = beam[1] - beam[0]
     edges = [f"bay 1 / beam 1 / {edge}" for edge in ("lower", "upper")]
 
-    yield case("length between inner edges", length_off(-width), "length")
+    yield case("length between inner edges", length_as(lambda value: value - width), "length")
     upper = heights_as(lambda values: [value + height for value in values])
     yield case("heights of the upper edges", upper, "height")
     yield case("the length given twice", with_length(between, length))
@@ -262,7 +256,7 @@ def unit_cases(row: Filmed) -> Iterator[Case]:
     yield case("everything in feet", all_in(FOOT_M), size)
     more = camera_height(row) * (1 / FOOT_M - 1)
     yield case("a camera height in feet, no laser", camera_off(more, laser=False), size, "camera height")
-    yield case("a length in feet", length_times(1 / FOOT_M), "length")
+    yield case("a length in feet", length_as(lambda value: value / FOOT_M), "length")
     yield case("heights in feet", heights_as(lambda values: [value / FOOT_M for value in values]), "height")
 
 
@@ -302,17 +296,6 @@ def pass_cases(row: Filmed) -> Iterator[Case]:
         codes = tuple(code for code, kind in WARNINGS.items() if not kind.of_elements and code != "incomplete-map")
         raised = with_passes(lambda passes, _: [{**passes[0], "video": str(video)}])
         yield Case("the mast raised by 30 cm half-way", raised, ("camera height", "height"), codes)
-
-
-def drive_cases(_: Filmed) -> Iterator[Case]:
-    """Clips of other drives, and harmless ones."""
-    yield from map(changed_clip, DRIVES)
-
-
-def clips_of_cameras(row: Filmed) -> Iterator[Case]:
-    """What real cameras give of a simulated row."""
-    poses = row.folder / "poses.json"
-    yield from map(changed_clip, camera_cases(poses) if poses.is_file() else ())
 
 
 def changed_clip(clip: ClipCase) -> Case:
@@ -389,8 +372,8 @@ PARTS: Mapping[str, Callable[[Filmed], Iterator[Case]]] = {
     "references": reference_cases,
     "units": unit_cases,
     "passes": pass_cases,
-    "drives": drive_cases,
-    "cameras": clips_of_cameras,
+    "drives": lambda _: map(changed_clip, DRIVES),
+    "cameras": lambda row: map(changed_clip, camera_cases(row.folder / "poses.json")),
 }
 """What may be wrong: each part gives the cases for a row."""
 

@@ -249,22 +249,16 @@ def place_errors(places: Mapping[str, Placement], results: Sequence[Result]) -> 
 
 
 def squareness(places: Mapping[str, Placement], results: Sequence[Result]) -> dict[str, float]:
-    """Errors (root mean square) of rows, of faces across an aisle, along both faces of a rack, of headings among themselves."""
+    """Errors (root mean square) of faces across an aisle, along both faces of a rack, and of headings among themselves."""
     names = [result.task.name for result in results if result.task.name in places]
     off = dict(zip(names, place_errors(places, results), strict=True))
     aisles = [off[f"{k}R"] - off[f"{k}L"] for k in range(1, len(results)) if {f"{k}L", f"{k}R"} <= off.keys()]
     racks = [off[f"{k + 1}L"] - off[f"{k}R"] for k in range(1, len(results)) if {f"{k + 1}L", f"{k}R"} <= off.keys()]
-    errors = np.array(list(off.values()))
-    chi2 = [off[name] @ np.linalg.solve(places[name].covariance, off[name]) for name in names]
+    headings = np.array([error[2] for error in off.values()])
     return {
-        "x m": _rms(errors[:, 0]),
-        "z m": _rms(errors[:, 1]),
-        "heading deg": _rms(errors[:, 2]),
-        "heading to the mean deg": _rms(errors[:, 2] - errors[:, 2].mean()),
-        "across an aisle x m": _rms(np.array(aisles).reshape(-1, 3)[:, 0]),
-        "across an aisle z m": _rms(np.array(aisles).reshape(-1, 3)[:, 1]),
-        "along a rack's faces m": _rms(np.array(racks).reshape(-1, 3)[:, 0]),
-        "off, in sigmas": float(np.sqrt(np.mean(chi2) / 3)),
+        "across an aisle x m": _rms(np.array([error[0] for error in aisles])),
+        "along a rack's faces m": _rms(np.array([error[0] for error in racks])),
+        "heading to the mean deg": _rms(headings - headings.mean()),
     }
 
 

@@ -108,7 +108,11 @@ def totals(pairs: Sequence[tuple[TrueSlot, Occupancy]]) -> dict[str, float]:
     right = [(slot, occupancy) for slot, occupancy in decided if occupancy.state == state(slot)]
     full = [(slot, occupancy) for slot, occupancy in right if slot.is_occupied]
     widths = [o.free_width.value - slot.free_width_m for slot, o in full if o.free_width]
-    heights = [o.free_height.value - (height_of(o) - slot.top_m) for slot, o in full if o.free_height]
+    heights = [
+        o.free_height.value - (float(o.slot.attributes["clear_height_m"]) - slot.top_m)
+        for slot, o in full
+        if o.free_height
+    ]
     over = [(occupancy.over_edge > 0.5, slot.is_over_edge) for slot, occupancy in full]
     return {
         "slots": len(pairs),
@@ -121,12 +125,6 @@ def totals(pairs: Sequence[tuple[TrueSlot, Occupancy]]) -> dict[str, float]:
         "named": sum(said and true for said, true in over),
         "named wrongly": sum(said and not true for said, true in over),
     }
-
-
-def height_of(occupancy: Occupancy) -> float:
-    """The clear height of a slot between two beams."""
-    size = occupancy.slot.attributes["clear_height_m"]
-    return float(size)
 
 
 def fitted_to(rows: Sequence[SlotRow], given: argparse.Namespace) -> Figures:

@@ -44,16 +44,6 @@ class LabelledSet:
     pictures: int
     outlines: int
 
-    @property
-    def coco(self) -> Path:
-        """The COCO instances."""
-        return self.folder / COCO
-
-    @property
-    def images(self) -> Path:
-        """The folder of the pictures and LabelMe's files."""
-        return self.folder / IMAGES
-
 
 def require_unused(folder: Path) -> None:
     """Raise OutputError where a folder holds labels already: someone may have corrected them."""
