@@ -227,9 +227,6 @@ def test_paths_of_windows_and_names_in_another_normal_form(both: Path) -> None:
     first, second = (sample.image for sample in read_set(both / "coco.json", CLASSES).samples)
     pictures = [second, first.rename(first.with_name("u\u0308.jpg"))]
     assert [sample.image for sample in read_set(edited(both / "coco.json", windows), CLASSES).samples] == pictures
-    (both / "train.txt").write_text("".join(f"images\\{picture.name}\n" for picture in pictures), encoding="utf-8")
-    (both / "data.yaml").write_text("names: [crossbar, column]\ntrain: .\\train.txt\n", encoding="utf-8")
-    assert [sample.image for sample in read_set(both / "data.yaml", CLASSES).samples] == pictures
 
 
 def test_other_outlines_have_another_digest() -> None:
