@@ -5,6 +5,7 @@ import importlib
 import json
 import shlex
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from bench.index import BENCHES, README, index, readme
 from savmap.errors import ending_in_one_line
 from savmap.files.atomic import write_text
 
-PATHS = ("--keep", "--output", "-o", "--photos", "--cache", "--flame")
+PATHS = ("--keep", "--output", "-o", "--photos", "--cache")
 """Options that say where files are, and change no figure."""
 
 
@@ -37,13 +38,19 @@ def measured(name: str, arguments: Sequence[str]) -> int:
     """Run a bench, print its figures, compare them with the stored ones or store them."""
     module = importlib.import_module(f"bench.{name.replace('-', '_')}")
     parser = argparse.ArgumentParser(
-        f"python -m bench {name}", description=module.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        f"python -m bench {name}",
+        description=module.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        conflict_handler="resolve",
     )
+    parser.add_argument("--keep", type=Path, help="a folder for all files that it makes, which a later run uses again")
     parser.add_argument("--store", action="store_true", help="keep the figures as those to compare with")
     parser.add_argument("-o", "--output", type=Path, help="also write the figures to this JSON file")
     module.add_arguments(parser)
     given = parser.parse_args(arguments)
-    with ending_in_one_line():
+    with ending_in_one_line(), tempfile.TemporaryDirectory() as temporary:
+        given.keep = given.keep or Path(temporary)
+        given.keep.mkdir(parents=True, exist_ok=True)
         figures: baseline.Figures = module.run(given)
     if not figures:
         return 0

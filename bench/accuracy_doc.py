@@ -45,7 +45,7 @@ CLAIMS = (
         "Masks' edges lie outside the structure ([SAVMap], section IV.B). A bias of 1.1 px, 2 cm on a face 1.5 m away, explains the published error. "
         "46 rows of 15 bays at observation level have that bias, 0.7 px of noise, the four mask errors and 5 % outliers; the shares are a guess. Both "
         "methods get the same tracks and references. Two widths measured with a tape make the bias observable.",
-        ("observed, --frames-a-section 12",),
+        ("published error",),
     ),
     Claim(
         "The same rows as a site",
@@ -75,7 +75,7 @@ CLAIMS = (
         "Standard deviations",
         "Normalised errors at observation level: root mean square (1 is right), share within 1.96. Uprights share the row's length: 16 rows are 16 "
         "samples.",
-        ("uncertainty, 16 rows from seed 1000",),
+        ("sigmas without pictures",),
     ),
     Claim(
         "Standard deviations on footage",

@@ -10,7 +10,6 @@ pictures of the style reach 0.657 (docs/training.md).
 
 import argparse
 import json
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,15 +18,14 @@ import yaml
 
 import savmap
 from bench.baseline import Figures
-from bench.dark_pictures import LABELLED, dark_row
-from bench.rows import ROWS, only_one_row
+from bench.dark_pictures import LABELLED
+from bench.rows import ROWS, footage, only_one_row
 from bench.seeds import SETS, seeds
 from savmap.files.atomic import write_text
 from savmap.lab.adapt.records import AdaptOptions
 from savmap.lab.adapt.run import adapt
 from savmap.lab.commands import adapted_lines
 from savmap.lab.sim.dataset import write
-from savmap.lab.sim.simulate import simulate
 from savmap.lab.train.data.dataset import read_dataset
 from savmap.lab.train.measure import score_file
 from savmap.lab.train.plan import float_model
@@ -45,11 +43,10 @@ def site_of(seeds: Sequence[int], frames: int, base: Path, sides: Sequence[str] 
     survey: dict[str, Any] = {}
     for seed in seeds:
         folder = base / f"row-{seed}"
-        if not (folder / "site.yaml").is_file():
-            simulate(dark_row(seed, frames), folder)
+        made = footage(seed, frames, folder, "dark rows")
         survey = json.loads((folder / "survey.json").read_text(encoding="utf-8"))
         for side in sides:
-            alone = only_one_row(folder / "site.yaml", side)
+            alone = only_one_row(made, side)
             if alone is None:
                 continue
             content = yaml.safe_load(alone.read_text(encoding="utf-8"))
@@ -92,25 +89,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=240)
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--both", action="store_true", help="both rows of each aisle, not only the left one")
-    parser.add_argument("--keep", type=Path, help="keep footage, pictures and results in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures of each network and of each map."""
     chosen = seeds("dark rows", given.set, given.count)
-    with tempfile.TemporaryDirectory() as temporary:
-        base = given.keep or Path(temporary)
-        site, pictures = site_of(chosen, given.frames, base, ROWS if given.both else ROWS[:1]), test_set(base)
-        adapted = adapt(site, base / "out", AdaptOptions(PLUGIN, rounds=given.rounds, steps=given.steps, jobs=0))
-        print("\n".join(adapted_lines(adapted)))
-        folder = base / "out" / "adapted"
-        networks = {"shipped": float_model(load_class(PLUGIN).model)}
-        networks |= {
-            f"round {round_.number}": folder / f"round-{round_.number}" / f"{PLUGIN}.onnx" for round_ in adapted.rounds
-        }
-        first = next(path for path in (folder / "first" / "map.json", base / "out" / "map.json") if path.is_file())
-        maps = {"first map": first}
-        if adapted.kept is not None:
-            maps["last map"] = folder / "map.json"
-        figures = {name: {"IoU": scored(network, pictures)} for name, network in networks.items()}
-        return {**figures, **{name: map_figures(path, base / "survey.json") for name, path in maps.items()}}
+    base = given.keep
+    site, pictures = site_of(chosen, given.frames, base, ROWS if given.both else ROWS[:1]), test_set(base)
+    adapted = adapt(site, base / "out", AdaptOptions(PLUGIN, rounds=given.rounds, steps=given.steps, jobs=0))
+    print("\n".join(adapted_lines(adapted)))
+    folder = base / "out" / "adapted"
+    networks = {"shipped": float_model(load_class(PLUGIN).model)}
+    networks |= {
+        f"round {round_.number}": folder / f"round-{round_.number}" / f"{PLUGIN}.onnx" for round_ in adapted.rounds
+    }
+    first = next(path for path in (folder / "first" / "map.json", base / "out" / "map.json") if path.is_file())
+    maps = {"first map": first}
+    if adapted.kept is not None:
+        maps["last map"] = folder / "map.json"
+    figures = {name: {"IoU": scored(network, pictures)} for name, network in networks.items()}
+    return {**figures, **{name: map_figures(path, base / "survey.json") for name, path in maps.items()}}

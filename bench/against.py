@@ -22,12 +22,14 @@ from bench.compare import ERRORS, true_boxes
 from bench.observed_rows import (
     ESTIMATED,
     LOWEST_SIGMA_M,
-    DrivenRow,
+    SIGN_SIGMA_M,
     Given,
     driven_along,
     given,
     mapped,
     rack,
+    row_map,
+    sign,
     start_of,
     tracked,
 )
@@ -36,10 +38,10 @@ from savmap.apps.dates.comparison.records import CHANGES, ElementChange
 from savmap.apps.dates.returning.recognition import SURE, likely_places
 from savmap.apps.dates.returning.update import in_row, updated
 from savmap.errors import SavmapError
-from savmap.graph import References, Solution, camera_priors, locate_camera, merge, solve
+from savmap.graph import References, camera_priors, locate_camera, merge, solve
 from savmap.pipeline.recognising import assumed_length, frame_references
 from savmap.pipeline.row import FIRST_SOLVE
-from savmap.types import Attribute, Floats, FrameTable, RowMap, SiteMap, Structure
+from savmap.types import Floats, RowMap, SiteMap
 from savmap_shelves.constraints import GridSettings, constrain
 from savmap_shelves.mapping import describe
 
@@ -47,8 +49,6 @@ Rack = dict[str, Any]
 ROWS, BAYS = 10, 10
 POST_M, INSTALLED_M = 0.1, 0.002
 MOVES_M = (-0.1, -0.05, 0.05, 0.1)
-SIGN_SIGMA_M = 0.01
-"""Of a sign's place; half of it is the sign's alone, as of real maps."""
 
 
 @dataclass(frozen=True)
@@ -105,35 +105,17 @@ def scene(number: int, kind: str, shelves: Rack, seed: int, errors: str) -> Scen
     return Scene(kind, shelves, driven.survey, with_signs(row, shelves, name, 0, rng) if "signs" in kind else row)
 
 
-def row_map(name: str, driven: DrivenRow, solution: Solution, structures: Sequence[Structure]) -> RowMap:
-    """A solved row as a map has it."""
-    table, views = driven.measurements.facts.frames, dict(driven.measurements.facts.views)
-    shelves = {"shelves": tuple(structures)}
-    stamps = FrameTable(table.stamps_s, table.passes)
-    return RowMap(name, stamps, views, solution.trajectory, shelves, (), dict(solution.report))
-
-
 def with_signs(
     row: RowMap, shelves: Rack, name: str, first: int, rng: np.random.Generator, scale: float = 1.0, low: float = 0.0
 ) -> RowMap:
-    """The row with a sign at the left in each bay, whose text numbers the bays from `first`; one more where a pass ends within the row, for it
+    """The row with a sign at the left in each bay, half of whose error is its own, as in real maps, and whose text numbers the bays from `first`; one more where a pass ends within the row, for it
     shows that of the next bay."""
     left = np.cumsum([POST_M, *(bay["width"] + POST_M for bay in shelves["bays"])])
     left = left[: BAYS - first]
     signs = []
     for number, x in enumerate(left):
         corner = scale * (np.array([x + 0.4, 1.5, 0.01]) + rng.normal(0, SIGN_SIGMA_M / 2, 3)) + np.array([0, low, 0])
-        quad = corner + scale * np.array([[0, 0.2, 0], [0.3, 0.2, 0], [0.3, 0, 0], [0, 0, 0.0]])
-        sign = f"sign {number + 1}"
-        labels = tuple(f"{sign} / {part}" for part in range(4))
-        covariances = np.tile((scale * SIGN_SIGMA_M) ** 2 * np.eye(3), (4, 1, 1))
-        edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
-        text: dict[str, Attribute] = {
-            "sign": number + 1,
-            "text": f"{name}-{first + number:02d}",
-            "confidence": 0.99,
-        }
-        signs.append(Structure(sign, "sign", quad, covariances, labels, edges, text))
+        signs.append(sign(number + 1, f"{name}-{first + number:02d}", corner, scale))
     return replace(row, structures={**row.structures, "signs": tuple(signs)})
 
 

@@ -1,13 +1,12 @@
-"""Ways in which a row's clip can be wrong, or harmlessly different, and what is to come of each: cases for `physics-footage`.
+"""Ways in which a row's clip can be wrong, or harmlessly different, and what is to come of each: cases for `physics`.
 
-`CASES` change a drive, `FILES` are the same pictures in the files that cameras, telephones and editing programs give, and `camera_cases` are what
-real cameras give, on a cart or in a hand, of simulated rows, whose camera's path is given. Where the camera, or one of its two lenses, stands
+`DRIVES` change a drive, and `camera_cases` are what real cameras give, on a cart or in a hand, of simulated rows, whose camera's path is given. Where the camera, or one of its two lenses, stands
 elsewhere, the aisle is taken for a box of two faces, a floor and a ceiling: what lies in the faces and on the floor is displaced rightly, what
 lies behind the faces a little too much.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -38,19 +37,17 @@ from savmap.types import Floats
 
 
 @dataclass(frozen=True)
-class Case:
-    """A way to change a row's clip. `words`: a pattern of the true reason, where it is to be caught; "" where the map is to be trusted.
-    `either`: it may also be trusted, if it is right. `side`, `part`: the
-    hand and the part of the clip (shares) that the site file says. `new_way`: the rig goes in another direction of its panorama."""
+class ClipCase:
+    """A way to change a row's clip. `words`: of the true reason, one of them, where it may be caught; none where the map is to be trusted.
+    `side`, `part`: the hand and the part of the clip (shares) that the site file says. `streams`, `degrees`: as `bench.clips.write` takes them."""
 
     name: str
     change: Callable[[Frames, Frames], Frames]
-    words: str = ""
-    either: bool = False
+    words: tuple[str, ...] = ()
     side: Callable[[str], str] = field(default=lambda side: side)
     part: tuple[float, float] | None = None
-    new_way: bool = False
-    container: Mapping[str, Any] = field(default_factory=dict)
+    streams: int = 1
+    degrees: float = 0.0
 
 
 def again(frames: Frames, pictures: Sequence[Image]) -> Frames:
@@ -117,104 +114,60 @@ def cut_to(frames: Frames, other: Frames) -> Frames:
     return again(frames, [picture for _, picture in [*frames[: len(frames) // 2], *other[5:25]]])
 
 
-BACK, CUT, MISSING = "goes back the way it came", "a cut|after a cut", "frames are missing"
-CONTRADICTED = "contradict|heights|bays were found|reference|rest says"
-BADLY_SEEN = "seen|measured|fit|support|part|bays"
-CASES = (
-    Case("as it is", of(lambda picture: picture)),
-    Case("turned by 70 degrees", of(turned(70)), new_way=True),
-    Case("pitched by 15 degrees", of(turned(0, 15, 5)), new_way=True),
-    Case("upside down", of(turned(0, 0, 180)), "upside down|no building|no structure|tilted|contradict|bays were found", True, new_way=True),
-    Case("reversed", ordered(lambda p: p[::-1]), side=other_hand),
-    Case("reversed, side as it was", ordered(lambda p: p[::-1]), f"{CONTRADICTED}|not on the|side"),
-    Case("mirrored", of(lambda p: p[:, ::-1]), f"{CONTRADICTED}|do not agree|panorama", new_way=True),
-    Case("there and back", ordered(lambda p: [*p, *p[::-1]]), BACK),
-    Case("there and a third back", ordered(lambda p: [*p, *p[::-1][: len(p) // 3]]), BACK),
-    Case("there, round and back", ordered(u_turn), f"{BACK}|turned away"),
-    Case("hesitates", ordered(hesitating), BACK, True),
-    Case("turns away at the end", ordered(lambda p: [*p, *[turned(a)(p[-1]) for a in range(15, 106, 15)]]), "turned away", True),
-    Case("stands for ten frames", ordered(lambda p: standing(p, 10))),
-    Case("stands most of the time", ordered(lambda p: standing(p, 2 * len(p))), "stands for", True),
-    Case("every frame twice", ordered(lambda p: [picture for picture in p for _ in (0, 1)])),
-    Case("gap, times kept", lambda frames, _: without(frames, True), MISSING),
-    Case("gap, times rewritten", lambda frames, _: without(frames, False), MISSING),
-    Case("three frames missing", ordered(lambda p: [*p[: len(p) // 2], *p[len(p) // 2 + 3 :]]), MISSING, True),
-    Case("cut to another row", cut_to, CUT),
-    Case("cut, camera turned round", from_middle(turned(180)), CUT),
-    Case("turned by 90 degrees half-way", from_middle(turned(90)), f"{CUT}|turned away"),
-    Case("turned by 20 degrees half-way", from_middle(turned(20)), f"{CUT}|turned away", True),
-    Case("cropped and stretched", of(cropped(0.08)), "whole equirectangular|whole panorama|no panorama|contradict|rest says|fit"),
-    Case("smear on a lens, left", of(smeared_lens(-90, 50, 8.0)), BADLY_SEEN, True),
-    Case("smear on a lens, right", of(smeared_lens(90, 50, 8.0)), BADLY_SEEN, True),
-    Case("out of focus", of(out_of_focus), "seen|measured|fit|part|bays", True),
-    Case("one smeared frame", ordered(smeared)),
-    Case("step of exposure", from_middle(lit(1.6))),
-    Case("dark", of(lit(0.3, 3.0))),
-    Case("tripod and logo", of(patched)),
-    Case("lenses exposed differently", of(seamed)),
-    Case("the first half only", of(lambda p: p), "part|heights|bays|seen|no such thing was found", part=(0.0, 0.5)),
-    Case("VR180 side by side", of(eyes(np.pi, False)), "side by side"),
-    Case("stereo side by side", of(eyes(2 * np.pi, False)), "side by side"),
-    Case("stereo above one another", of(eyes(2 * np.pi, True)), "one eye above"),
-    Case("two fisheyes", of(two_fisheyes), "fisheye"),
-    Case("ordinary video", of(ordinary), "no panorama"),
-    Case("flag: turn by 180 degrees", of(lambda p: p), "to be turned", container={"degrees": 180}),
-    Case("two streams", of(lambda p: p), "2 video streams", container={"streams": 2}),
+BACK, CUT, MISSING = ("goes back the way it came",), ("a cut", "after a cut"), ("frames are missing", "frames seem")
+TURNED = ("turned away",)
+CONTRADICTED = ("contradict", "heights", "bays were found", "reference", "rest says")
+BADLY_SEEN = ("seen", "measured", "fit", "support", "part", "bays")
+CLIP_DOUBTED = ("contradict", "bays were found", "no such thing", "part", "rest says", "height", "fit", "seen")
+ANY = ("",)
+"""A camera that is held so badly may be caught for whatever reason."""
+DRIVES = (
+    ClipCase("as it is", of(lambda picture: picture)),
+    ClipCase("turned by 70 degrees", of(turned(70))),
+    ClipCase("pitched by 15 degrees", of(turned(0, 15, 5))),
+    ClipCase("upside down", of(turned(0, 0, 180)), ("upside down", "no building", "no structure", "tilted", "contradict", "bays were found")),
+    ClipCase("reversed", ordered(lambda p: p[::-1]), side=other_hand),
+    ClipCase("reversed, side as it was", ordered(lambda p: p[::-1]), (*CONTRADICTED, "not on the", "side")),
+    ClipCase("mirrored", of(lambda p: p[:, ::-1]), (*CONTRADICTED, "do not agree", "panorama")),
+    ClipCase("there and back", ordered(lambda p: [*p, *p[::-1]]), BACK),
+    ClipCase("there and a third back", ordered(lambda p: [*p, *p[::-1][: len(p) // 3]]), BACK),
+    ClipCase("there, round and back", ordered(u_turn), (*BACK, *TURNED)),
+    ClipCase("hesitates", ordered(hesitating), BACK),
+    ClipCase("turns away at the end", ordered(lambda p: [*p, *[turned(a)(p[-1]) for a in range(15, 106, 15)]]), TURNED),
+    ClipCase("stands for ten frames", ordered(lambda p: standing(p, 10))),
+    ClipCase("stands most of the time", ordered(lambda p: standing(p, 2 * len(p))), ("stands for",)),
+    ClipCase("every frame twice", ordered(lambda p: [picture for picture in p for _ in (0, 1)])),
+    ClipCase("gap, times kept", lambda frames, _: without(frames, True), MISSING),
+    ClipCase("gap, times rewritten", lambda frames, _: without(frames, False), MISSING),
+    ClipCase("three frames missing", ordered(lambda p: [*p[: len(p) // 2], *p[len(p) // 2 + 3 :]]), MISSING),
+    ClipCase("cut to another row", cut_to, CUT),
+    ClipCase("cut, camera turned round", from_middle(turned(180)), CUT),
+    ClipCase("turned by 90 degrees half-way", from_middle(turned(90)), (*CUT, *TURNED)),
+    ClipCase("turned by 20 degrees half-way", from_middle(turned(20)), (*CUT, *TURNED)),
+    ClipCase("cropped and stretched", of(cropped(0.08)), ("whole equirectangular", "whole panorama", "no panorama", "contradict", "rest says", "fit")),
+    ClipCase("smear on a lens, left", of(smeared_lens(-90, 50, 8.0)), BADLY_SEEN),
+    ClipCase("smear on a lens, right", of(smeared_lens(90, 50, 8.0)), BADLY_SEEN),
+    ClipCase("out of focus", of(out_of_focus), ("seen", "measured", "fit", "part", "bays")),
+    ClipCase("one smeared frame", ordered(smeared)),
+    ClipCase("step of exposure", from_middle(lit(1.6))),
+    ClipCase("dark", of(lit(0.3, 3.0))),
+    ClipCase("tripod and logo", of(patched)),
+    ClipCase("lenses exposed differently", of(seamed)),
+    ClipCase("sides swapped", of(lambda p: p), CLIP_DOUBTED, side=other_hand),
+    ClipCase("the first half only", of(lambda p: p), CLIP_DOUBTED, part=(0.0, 0.5)),
+    ClipCase("the first two thirds only", of(lambda p: p), CLIP_DOUBTED, part=(0.0, 2 / 3)),
+    ClipCase("VR180 side by side", of(eyes(np.pi, False)), ("side by side",)),
+    ClipCase("stereo side by side", of(eyes(2 * np.pi, False)), ("side by side",)),
+    ClipCase("stereo above one another", of(eyes(2 * np.pi, True)), ("one eye above",)),
+    ClipCase("two fisheyes", of(two_fisheyes), ("fisheye",)),
+    ClipCase("ordinary video", of(ordinary), ("no panorama",)),
+    ClipCase("flag: turn by 180 degrees", of(lambda p: p), ("to be turned",), degrees=180.0),
+    ClipCase("two streams", of(lambda p: p), ("2 video streams",), streams=2),
 )  # fmt: skip
-
-X265 = {"crf": "16", "preset": "ultrafast", "x265-params": "log-level=none:keyint=30"}
-
-
-def as_they_are(frames: Frames, _: Frames) -> Frames:
-    return frames
-
-
-def jittered(frames: Frames, _: Frames) -> Frames:
-    """Times that a telephone gives: each off by up to a third of a frame."""
-    step = frames[1][0] - frames[0][0]
-    return [
-        (stamp + step * (0.0, 0.31, -0.22, 0.12, -0.3, 0.05)[index % 6], one)
-        for index, (stamp, one) in enumerate(frames)
-    ]
-
-
-def drawn_out(frames: Frames, _: Frames) -> Frames:
-    """Times of 30000/1001 Hz and its fifths."""
-    return [(index * 5 * 1001 / 30000, one) for index, (_, one) in enumerate(frames)]
-
-
-def packed(name: str, **packing: Any) -> Case:
-    """The same pictures in another file."""
-    return Case(name, as_they_are, container=packing)
-
-
-FILES = (
-    packed("HEVC, 8 bit", codec="libx265", stream=X265),
-    packed("HEVC, 10 bit, BT.2020", codec="libx265", pixels="yuv420p10le", stream=X265, matrix=9),
-    packed("full range, said so, BT.709", full=True, says_full=True, matrix=1),
-    packed("full range, not said", full=True, says_full=False),
-    packed("limited range, said to be full", full=False, says_full=True),
-    packed("8 Mbit/s at 30 Hz", stream={"preset": "medium", "g": "30"}, bit_rate=1_600_000),
-    Case("times jitter", jittered),
-    Case("29.97 Hz", drawn_out),
-    packed("B frames, edit list", stream={"crf": "16", "preset": "medium", "bf": "3", "g": "12"}),
-    packed("edit list cuts 0.5 s", stream={"crf": "16", "preset": "medium", "bf": "2", "g": "40"}, start_s=-0.5),
-    packed("sound and a time code track", sound=True, timecode="01:00:00:00", suffix=".mov"),
-    packed("sound, begins at 1 h", sound=True, start_s=3600.0, suffix=".mov", muxer={"use_editlist": "0"}),
-    packed("begins at 1 h, edit list", start_s=3600.0, suffix=".mov"),
-    packed("Matroska", suffix=".mkv"),
-    packed("Matroska, says 30 Hz", suffix=".mkv", rate=30),
-    packed("Matroska, begins at 1 h", suffix=".mkv", start_s=3600.0),
-    packed("transport stream", suffix=".ts"),
-    packed("fragmented MP4", muxer={"movflags": "frag_keyframe+empty_moov+default_base_moof"}),
-    packed("ProRes 4:2:2, 10 bit", suffix=".mov", codec="prores_ks", pixels="yuv422p10le", stream={"profile": "2"}),
-)
 
 Rays = NDArray[np.floating[Any]]
 CEILING_M = 7.0
-BENT = "bent at a seam|panorama"
-ANY = "."
-"""A camera that is held so badly may be caught for whatever reason."""
+BENT = ("bent at a seam", "panorama")
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,35 +447,22 @@ def carried(before: int, after: int, hand: bool) -> Callable[[Frames, Frames], F
 
         first = [taken(frames[0][1], 1.0 - 0.8 * index / max(before, 1)) for index in range(before)]
         last = [taken(frames[-1][1], 0.2 + 0.8 * index / max(after, 1)) for index in range(after)]
-        step = frames[1][0] - frames[0][0]
-        return [(index * step, one) for index, one in enumerate([*first, *[picture for _, picture in frames], *last])]
+        return again(frames, [*first, *[picture for _, picture in frames], *last])
 
     return change
 
 
 def elsewhere(frames: Frames, other: Frames, before: int = 6) -> Frames:
     """The recording begins in another aisle, and the camera turns round a corner for some frames."""
-    step = frames[1][0] - frames[0][0]
     first = [turned(60 + 10 * index)(picture) for index, (_, picture) in enumerate(other[:before])]
-    return [(index * step, one) for index, one in enumerate([*first, *[picture for _, picture in frames]])]
+    return again(frames, [*first, *[picture for _, picture in frames]])
 
 
-def back_by(count: int) -> Callable[[Frames, Frames], Frames]:
+def paused(pictures: list[Image], count: int) -> list[Image]:
     """The cart goes back for some frames half-way, and on again, with pauses."""
-
-    def change(frames: Frames, _: Frames) -> Frames:
-        pictures, step = [picture for _, picture in frames], frames[1][0] - frames[0][0]
-        half = len(pictures) // 2
-        order = [
-            *pictures[:half],
-            *[pictures[half]] * 4,
-            *pictures[half - count : half][::-1],
-            *[pictures[half - count]] * 3,
-            *pictures[half - count :],
-        ]
-        return [(index * step, one) for index, one in enumerate(order)]
-
-    return change
+    half = len(pictures) // 2
+    back = [*[pictures[half]] * 4, *pictures[half - count : half][::-1], *[pictures[half - count]] * 3]
+    return [*pictures[:half], *back, *pictures[half - count :]]
 
 
 def chained(*changes: Change) -> Change:
@@ -536,8 +476,10 @@ def chained(*changes: Change) -> Change:
     return change
 
 
-def camera_cases(poses: Path) -> tuple[Case, ...]:
-    """What real cameras give, of a simulated row."""
+def camera_cases(poses: Path) -> tuple[ClipCase, ...]:
+    """What real cameras give, of a simulated row; nothing of another, whose path is not known."""
+    if not poses.is_file():
+        return ()
     rig = load_rig(poses)
     operator, cart = painted(rig, 180.0, 25.0, (-75.0, 5.0), 40), below(62.0, blurred=False)
     level = np.zeros((len(rig.world_from_rig), 3))
@@ -546,39 +488,41 @@ def camera_cases(poses: Path) -> tuple[Case, ...]:
         return moved(rig, level, [rig_from_view(yaw, pitch, roll)] * len(level))
 
     return (
-        Case("operator behind the cart", each(chained(operator, cart))),
-        Case("operator beside the face", each(painted(rig, -115.0, 25.0, (-75.0, 5.0), 40)), "seen|measured|fit", True),
-        Case("nadir blurred", each(below(55.0, blurred=True))),
-        Case("two lenses, 3 cm apart", each(two_lenses(rig, 0.03)), BENT, True),
-        Case("two lenses, hard seam, 10 % brighter", each(two_lenses(rig, 0.03, 1.1, blend_deg=0.2)), BENT, True),
-        Case("vignettes and fringes", each(two_lenses(rig, 0.0, 1.0, 0.5, 0.003))),
-        Case("two lenses, 6 cm apart", each(two_lenses(rig, 0.06, 1.1, 0.4, 0.002)), ANY, True),
-        Case("two lenses, bent at the seam", each(bent_lenses(rig, 0.03, 20.0)), BENT, True),
-        Case("two lenses, bent sharply", each(bent_lenses(rig, 0.03, 5.0)), BENT, True),
-        Case("two lenses, 2 cm, bent at the seam", each(bent_lenses(rig, 0.02, 20.0)), BENT, True),
-        Case("cut by 0.5 %, stretched", of(cropped(0.005)), "panorama", True),
-        Case("dust and finger marks", each(spots)),
-        Case("white balance drifts", each(tinted(0.25, 2.0))),
-        Case("exposure pumps", each(pumping(0.45, 7.0))),
-        Case("bands of LED lamps", each(banded(0.15, 6.0))),
-        Case("smoothed, sharpened, contrasty", each(sharpened(1.5, 1.25))),
-        Case("motion blur of 4 cm", each(blurred_by_motion(rig, 0.04)), ANY, True),
-        Case("rolling shutter", each(rolling(rig, 0.03, 0.5)), ANY, True),
-        Case("tilted by 3 degrees", each(tilted(3, 1)), new_way=True),
-        Case("tilted by 8 degrees", each(tilted(-6, 6)), new_way=True),
-        Case("tilted by 15 degrees", each(tilted(12, -10)), new_way=True),
-        Case("mounted backwards", each(tilted(0, 0, 180)), new_way=True),
-        Case("heading kept", each(stabilised(rig, 0.0)), new_way=True),
-        Case("heading drifts by 20 degrees", each(stabilised(rig, 20.0)), new_way=True),
-        Case("walked", each(walked(rig, 0.03, 5.0)), new_way=True),
-        Case("walked, horizon locked", each(walked(rig, 0.03, 0.0)), new_way=True),
-        Case("back for 1 m, with pauses", back_by(3), "goes back", True),
-        Case("5760x2880", each(resized(2880))),
-        Case("1440x720", each(resized(720)), ANY, True),
-        Case("carried before and after", carried(9, 9, hand=False), ANY, True),
-        Case("a hand before the lens at both ends", carried(9, 9, hand=True), ANY, True),
-        Case("begins in another aisle", elsewhere, ANY, True),
-        Case(
+        ClipCase("operator behind the cart", each(chained(operator, cart))),
+        ClipCase(
+            "operator beside the face", each(painted(rig, -115.0, 25.0, (-75.0, 5.0), 40)), ("seen", "measured", "fit")
+        ),
+        ClipCase("nadir blurred", each(below(55.0, blurred=True))),
+        ClipCase("two lenses, 3 cm apart", each(two_lenses(rig, 0.03)), BENT),
+        ClipCase("two lenses, hard seam, 10 % brighter", each(two_lenses(rig, 0.03, 1.1, blend_deg=0.2)), BENT),
+        ClipCase("vignettes and fringes", each(two_lenses(rig, 0.0, 1.0, 0.5, 0.003))),
+        ClipCase("two lenses, 6 cm apart", each(two_lenses(rig, 0.06, 1.1, 0.4, 0.002)), ANY),
+        ClipCase("two lenses, bent at the seam", each(bent_lenses(rig, 0.03, 20.0)), BENT),
+        ClipCase("two lenses, bent sharply", each(bent_lenses(rig, 0.03, 5.0)), BENT),
+        ClipCase("two lenses, 2 cm, bent at the seam", each(bent_lenses(rig, 0.02, 20.0)), BENT),
+        ClipCase("cut by 0.5 %, stretched", of(cropped(0.005)), ("panorama",)),
+        ClipCase("dust and finger marks", each(spots)),
+        ClipCase("white balance drifts", each(tinted(0.25, 2.0))),
+        ClipCase("exposure pumps", each(pumping(0.45, 7.0))),
+        ClipCase("bands of LED lamps", each(banded(0.15, 6.0))),
+        ClipCase("smoothed, sharpened, contrasty", each(sharpened(1.5, 1.25))),
+        ClipCase("motion blur of 4 cm", each(blurred_by_motion(rig, 0.04)), ANY),
+        ClipCase("rolling shutter", each(rolling(rig, 0.03, 0.5)), ANY),
+        ClipCase("tilted by 3 degrees", each(tilted(3, 1))),
+        ClipCase("tilted by 8 degrees", each(tilted(-6, 6))),
+        ClipCase("tilted by 15 degrees", each(tilted(12, -10))),
+        ClipCase("mounted backwards", each(tilted(0, 0, 180))),
+        ClipCase("heading kept", each(stabilised(rig, 0.0))),
+        ClipCase("heading drifts by 20 degrees", each(stabilised(rig, 20.0))),
+        ClipCase("walked", each(walked(rig, 0.03, 5.0))),
+        ClipCase("walked, horizon locked", each(walked(rig, 0.03, 0.0))),
+        ClipCase("back for 1 m, with pauses", ordered(lambda p: paused(p, 3)), ("goes back",)),
+        ClipCase("5760x2880", each(resized(2880))),
+        ClipCase("1440x720", each(resized(720)), ANY),
+        ClipCase("carried before and after", carried(9, 9, hand=False), ANY),
+        ClipCase("a hand before the lens at both ends", carried(9, 9, hand=True), ANY),
+        ClipCase("begins in another aisle", elsewhere, ANY),
+        ClipCase(
             "everything at once",
             each(
                 chained(
@@ -593,7 +537,5 @@ def camera_cases(poses: Path) -> tuple[Case, ...]:
                 )
             ),
             ANY,
-            True,
-            new_way=True,
         ),
     )

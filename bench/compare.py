@@ -12,7 +12,6 @@ import argparse
 import copy
 import json
 import re
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +20,17 @@ from typing import Any
 import numpy as np
 
 from bench.baseline import Figures
-from bench.observed_rows import ESTIMATED, LOWEST_SIGMA_M, driven_along, given, mapped, rack
+from bench.observed_rows import (
+    ESTIMATED,
+    LOWEST_SIGMA_M,
+    SIGN_SIGMA_M,
+    driven_along,
+    given,
+    mapped,
+    rack,
+    row_map,
+    sign,
+)
 from bench.seeds import SETS, seeds
 from savmap.apps.dates.comparison.compare import LEVEL, compare_maps
 from savmap.apps.dates.comparison.records import CHANGES as CHANGED
@@ -30,7 +39,7 @@ from savmap.errors import SavmapError
 from savmap.files.atomic import write_text
 from savmap.lab.sim.observations import PAPER, MaskErrors
 from savmap.maps.map_file import read_map, write_map
-from savmap.types import Attribute, Floats, FrameTable, RowMap, SiteMap, Structure
+from savmap.types import Floats, SiteMap
 from savmap_shelves.constraints import GridSettings
 
 Rack = dict[str, Any]
@@ -39,7 +48,6 @@ ERRORS: Mapping[str, MaskErrors] = {
     "fine": MaskErrors(0.25, missed=0.05, incomplete=0.2, outliers=0.02, bias_px=0.2, uneven_px=0.03, drift_px=0.1),
 }
 """`paper`: as in the published experiment. `fine`: edges measured in the panorama itself, about a quarter of a pixel."""
-SIGN_SIGMA_M = 0.01
 UPRIGHT_M = 0.1
 
 
@@ -75,20 +83,11 @@ def _bay_and_post(rack: Rack, rng: np.random.Generator) -> None:
     rack["bays"][bent]["width"] -= by
 
 
-def _left(rack: Rack, rng: np.random.Generator) -> None:
-    """A bay more at the left end, where the row's frame begins."""
-    rack["bays"].insert(0, {"width": 2.7, "beams": [0.2, 1.7, 3.3, 5.1, 6.4]})
-
-
-def _nothing(rack: Rack, rng: np.random.Generator) -> None:
-    pass
-
-
 CHANGES: Mapping[str, Callable[[Rack, np.random.Generator], None]] = {
-    "nothing": _nothing,
+    "nothing": lambda rack, rng: None,
     "beams": _beams,
     "bay, post, sign": _bay_and_post,
-    "bay at the left": _left,
+    "bay at the left": lambda rack, rng: rack["bays"].insert(0, {"width": 2.7, "beams": [0.2, 1.7, 3.3, 5.1, 6.4]}),
 }
 
 
@@ -114,27 +113,15 @@ def _mapped(shelves: Rack, seed: int, date: int, errors: str, path: Path) -> tup
     rng = np.random.default_rng([seed, date, 5])
     driven = driven_along(shelves, 10000 + 2 * seed + date, rng, ERRORS[errors])
     write_text(sheet, json.dumps(driven.survey))
-    if path.is_file():
-        return read_map(path), driven.survey
     known = given(driven, rng, profiles=False)
     row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
-    table = driven.measurements.facts.frames
-    row_map = RowMap(
-        "A",
-        FrameTable(table.stamps_s, table.passes),
-        dict(driven.measurements.facts.views),
-        row.solution.trajectory,
-        {"shelves": tuple(row.structures)},
-        (),
-        dict(row.solution.report),
-    )
-    site_map = SiteMap({"A": row_map}, {})
+    site_map = SiteMap({"A": row_map("A", driven, row.solution, row.structures)}, {})
     write_map(site_map, path)
     return site_map, driven.survey
 
 
 def _with_signs(site_map: SiteMap, shelves: Rack, seed: int, date: int, case: str) -> SiteMap:
-    """The map with a sign at 1.5 m in each section, mapped to `SIGN_SIGMA_M`; on the second date one may have another text."""
+    """The map with a sign at 1.5 m in each section, mapped to a centimetre; on the second date one may have another text."""
     rng = np.random.default_rng([seed, date, 6])
     left = np.cumsum([UPRIGHT_M, *(bay["width"] + UPRIGHT_M for bay in shelves["bays"][:-1])])
     other = int(np.random.default_rng([seed, 8]).integers(len(left))) if "sign" in case and date else -1
@@ -143,12 +130,7 @@ def _with_signs(site_map: SiteMap, shelves: Rack, seed: int, date: int, case: st
     for number, x in enumerate(left):
         text = f"A{number + first:02d}" if number != other else f"B{number + 31:02d}"
         corner = np.array([x + 0.4, 1.5, 0.01]) + rng.normal(0, SIGN_SIGMA_M, 3)
-        quad = corner + np.array([[0, 0.2, 0], [0.3, 0.2, 0], [0.3, 0, 0], [0, 0, 0.0]])
-        labels = tuple(f"sign {number + 1} / {part}" for part in range(4))
-        covariances = np.tile(SIGN_SIGMA_M**2 * np.eye(3), (4, 1, 1))
-        edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
-        attributes: dict[str, Attribute] = {"sign": number + 1, "text": text, "confidence": 0.99, "code": ""}
-        signs.append(Structure(f"sign {number + 1}", "sign", quad, covariances, labels, edges, attributes))
+        signs.append(sign(number + 1, text, corner, code=""))
     row = site_map.rows["A"]
     return replace(site_map, rows={"A": replace(row, structures={**row.structures, "signs": tuple(signs)})})
 
@@ -261,20 +243,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sections", type=int, default=10)
     parser.add_argument("--errors", choices=tuple(ERRORS), default="fine")
     parser.add_argument("--level", type=float, default=LEVEL, help="of the false discovery rate")
-    parser.add_argument("--keep", type=Path, help="folder of maps")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Shares over all pairs."""
     every: list[Outcome] = []
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = given.keep or Path(scratch)
-        for seed in seeds("pairs", given.set, given.pairs):
-            for case in CHANGES:
-                try:
-                    every += outcomes(pair(case, seed, given.errors, given.sections, folder), given.level)
-                except SavmapError as refusal:
-                    print(f"a pair of the case {case} is left out: {refusal}", flush=True)
+    folder = given.keep
+    for seed in seeds("pairs", given.set, given.pairs):
+        for case in CHANGES:
+            try:
+                every += outcomes(pair(case, seed, given.errors, given.sections, folder), given.level)
+            except SavmapError as refusal:
+                print(f"a pair of the case {case} is left out: {refusal}", flush=True)
     return {**found_changes(every), **false_alarms(every)}
 
 

@@ -1,6 +1,6 @@
 """What `savmap map` costs, beside decoding the same file to nowhere, on an idle machine.
 
-    python -m bench cost [SITE] [--8k] [--faces SITE] [--keep DIR] [--rounds 5] [--flame FILE.svg]
+    python -m bench cost [SITE] [--8k] [--faces SITE] [--keep DIR] [--rounds 5]
 
 Medians over all rounds, in which all take turns: a site's first row (the demo's by default); with `--faces` a site of two rows that share a drive,
 against its first row alone; and the solve of a row of the paper's size, from constraints to covariances and checks. `--8k` scales the footage to
@@ -8,7 +8,7 @@ against its first row alone; and the solve of a row of the paper's size, from co
 takes minutes: `--keep` keeps the file for the next time. The bound is `ffmpeg -threads 2 -i FILE -f null -`.
 
 A stage is the package that a thread was in, which is asked a hundred times a second; threads without Python (of the decoder and the networks) are
-`native threads`. `--flame` draws the last run's stacks, as wide as their processor time. Memory is that of all processes together.
+`native threads`; `py-spy record` draws more of it. Memory is that of all processes together.
 """
 
 import argparse
@@ -22,8 +22,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from html import escape
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -49,19 +48,15 @@ with av.open(sys.argv[1]) as container:
         pass
 """
 EVERY_S = 0.01
-WIDTH, HEIGHT, LEAST = 1200.0, 15, 0.002
-"""Of a flame graph: its width and a box's height, px, and the share of the whole below which a box is left out."""
 Run = dict[str, Any]
-Stacks = Mapping[str, float]
-"""Seconds of processor time by stack, its functions from the outermost on with `;` between them."""
 
 
 class Sampler(threading.Thread):
-    """Adds up the processor time of every Python thread by the stack that it is found in."""
+    """Adds up the processor time, s, of every Python thread by the stage that it is found in."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self.stacks = defaultdict[str, float](float)
+        self.stages = defaultdict[str, float](float)
         self._used = dict[int, float]()
 
     def run(self) -> None:
@@ -73,26 +68,19 @@ class Sampler(threading.Thread):
                 except OSError:  # it has ended
                     continue
                 if thread != self.ident:
-                    self.stacks[";".join(_names(frame))] += used - self._used.get(thread, 0.0)
+                    self.stages[stage_of(frame)] += used - self._used.get(thread, 0.0)
                 self._used[thread] = used
 
 
-def _names(frame: FrameType | None) -> Sequence[str]:
-    names = list[str]()
-    while frame is not None:
-        names.append(f"{frame.f_globals.get('__name__', '?')}:{frame.f_code.co_qualname}")
-        frame = frame.f_back
-    return names[::-1]
-
-
-def stage_of(stack: str) -> str:
+def stage_of(frame: FrameType | None) -> str:
     """The package of the innermost function of savmap or a plugin."""
-    for name in reversed(stack.split(";")):
-        package, *inner = name.split(":")[0].split(".")
+    while frame is not None:
+        package, *inner = str(frame.f_globals.get("__name__", "?")).split(".")
         if package == "savmap":
             return ".".join([package, *inner[: 2 if inner[:1] == ["vision"] else 1]])
         if package.startswith("savmap_"):
             return package
+        frame = frame.f_back
     return "other"
 
 
@@ -104,9 +92,9 @@ def map_here(site: Path, target: Path) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         savmap.map_site(site, PLUGINS, output=folder)
-    stacks = dict(sampler.stacks)
-    stacks["native threads"] = max(time.process_time() - sum(stacks.values()), 0.0)
-    write_text(target, json.dumps(stacks))
+    stages = dict(sampler.stages)
+    stages["native threads"] = max(time.process_time() - sum(stages.values()), 0.0)
+    write_text(target, json.dumps(stages))
 
 
 def processes(root: int) -> Iterator[int]:
@@ -121,10 +109,10 @@ def processes(root: int) -> Iterator[int]:
             yield from processes(int(child))
 
 
-def memory_mb(root: int) -> float:
-    """The memory of a process and of all that it started."""
+def memory_mb(running: Iterable[int]) -> float:
+    """The resident memory of processes."""
     total = 0
-    for process in processes(root):
+    for process in running:
         try:
             total += int(Path(f"/proc/{process}/statm").read_text().split()[1])
         except (OSError, IndexError):  # it has ended
@@ -138,7 +126,7 @@ def measured(command: Sequence[object]) -> Run:
     nowhere = subprocess.DEVNULL
     with subprocess.Popen([str(part) for part in command], stdin=nowhere, stdout=nowhere, cwd=ROOT) as process:
         while process.poll() is None:
-            peak = max(peak, memory_mb(process.pid))
+            peak = max(peak, memory_mb(processes(process.pid)))
             time.sleep(5 * EVERY_S)
     clock = time.perf_counter() - begin
     if process.returncode:
@@ -149,10 +137,10 @@ def measured(command: Sequence[object]) -> Run:
 
 
 def mapping(site: Path, folder: Path) -> Run:
-    """The cost of mapping a site, with its `stacks`."""
+    """The cost of mapping a site, with its `stages`."""
     target = folder / "run.json"
     taken = measured([sys.executable, "-m", "bench.cost", site, target])
-    return {**taken, "stacks": json.loads(target.read_text())}
+    return {**taken, "stages": json.loads(target.read_text())}
 
 
 def decoding(video: Path) -> list[object]:
@@ -219,37 +207,6 @@ def solving(target: Path, rounds: int) -> None:
     write_text(target, json.dumps(taken))
 
 
-def flame(stacks: Stacks) -> str:
-    """A flame graph as SVG: callers at the top, a box as wide as the processor time in and below it."""
-    boxes = list[str]()
-    whole = sum(stacks.values())
-
-    def draw(parts: Sequence[tuple[Sequence[str], float]], left: float, depth: int) -> int:
-        inner = defaultdict[str, list[tuple[Sequence[str], float]]](list)
-        for names, seconds in parts:
-            if names:
-                inner[names[0]].append((names[1:], seconds))
-        deepest = depth
-        for name, below in sorted(inner.items(), key=lambda item: -sum(seconds for _, seconds in item[1])):
-            seconds = sum(part for _, part in below)
-            width = WIDTH * seconds / whole
-            if seconds < LEAST * whole:
-                break
-            label = name.rpartition(":")[2][: int(width / 6.5)] if width > 25 else ""
-            hue = sum(map(ord, name.split(":")[0])) % 55
-            boxes.append(
-                f'<g><title>{escape(name)}, {seconds:.2f} s</title><rect x="{left:.1f}" y="{depth * HEIGHT}" width="{width:.1f}" '
-                f'height="{HEIGHT - 1}" fill="hsl({hue},80%,68%)"/><text x="{left + 2:.1f}" y="{depth * HEIGHT + 11}">{escape(label)}</text></g>'
-            )
-            deepest = max(deepest, draw(below, left, depth + 1))
-            left += width
-        return deepest
-
-    deepest = draw([(stack.split(";"), seconds) for stack, seconds in stacks.items()], 0.0, 0)
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:.0f} {deepest * HEIGHT}" font-family="sans-serif" font-size="11">'
-    return "\n".join([head, *boxes, "</svg>\n"])
-
-
 def median(runs: Sequence[Run], key: str) -> float:
     """The median of a figure."""
     return float(np.median([run[key] for run in runs]))
@@ -259,16 +216,13 @@ def table(runs: Mapping[str, Sequence[Run]]) -> Figures:
     """The figures of all runs, by what ran."""
     stages = defaultdict[str, list[float]](list)
     for run in runs["savmap map"]:
-        of_run = defaultdict[str, float](float)
-        for stack, seconds in run["stacks"].items():
-            of_run[stack if stack == "native threads" else stage_of(stack)] += seconds
-        for stage, seconds in of_run.items():
+        for stage, seconds in run["stages"].items():
             stages[stage].append(seconds)
     count = len(runs["savmap map"])
     usual = {stage: float(np.median(some + [0.0] * (count - len(some)))) for stage, some in stages.items()}
     figures = {stage: {"processor s": seconds} for stage, seconds in sorted(usual.items(), key=lambda item: -item[1])}
     figures |= {
-        name: {key: median(some, key) for key in some[0] if key != "stacks"} for name, some in runs.items() if some
+        name: {key: median(some, key) for key in some[0] if key != "stages"} for name, some in runs.items() if some
     }
     for name, over, under in (
         ("both faces, times one", "both faces", "one face"),
@@ -288,9 +242,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--8k", dest="large", action="store_true", help="scale and code the footage as a camera's 8K file"
     )
     parser.add_argument("--faces", type=Path, help="a site of two rows that share a drive")
-    parser.add_argument("--keep", type=Path, help="folder for the generated files")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--flame", type=Path, help="draw the last run's stacks in this SVG file")
 
 
 def run(given: argparse.Namespace) -> Figures:
@@ -300,9 +252,7 @@ def run(given: argparse.Namespace) -> Figures:
     }
     with tempfile.TemporaryDirectory() as name:
         folder, source = Path(name), given.site.absolute()
-        keep = (given.keep or folder).absolute()
-        keep.mkdir(parents=True, exist_ok=True)
-        video = large(keep, source) if given.large else source_of(source)
+        video = large(given.keep.absolute(), source) if given.large else source_of(source)
         site = rows_of(source, folder / "site.yaml", 1, video)
         faces = {
             name: rows_of(given.faces.absolute(), folder / f"{count}.yaml", count)
@@ -317,8 +267,6 @@ def run(given: argparse.Namespace) -> Figures:
             [sys.executable, "-m", "bench.cost", folder / "solve.json", str(given.rounds)], check=True, cwd=ROOT
         )
         runs["solve of a paper-size row"] = json.loads((folder / "solve.json").read_text())
-    if given.flame:
-        write_text(given.flame, flame(runs["savmap map"][-1]["stacks"]))
     return table(runs)
 
 

@@ -16,16 +16,9 @@ from bench.baseline import Figures
 from savmap.lab.label.formats import LabelledPicture, write_set
 from savmap.lab.label.polygons import outlines
 from savmap.lab.sim.dataset import samples, write
-from savmap.lab.sim.random_row import random_row
-from savmap.lab.sim.scene.files import Scene
-from savmap_shelves.lab.looks import dark_scene, darkened
+from savmap_shelves.lab.looks import dark_scene
 
 LABELLED = ("upright", "beam")
-
-
-def dark_row(seed: int, frames: int) -> Scene:
-    """The random row of a seed in the same style, with the drive past it."""
-    return darkened(random_row(seed, frames), seed)
 
 
 def labelled(seed: int, count: int) -> Iterator[LabelledPicture]:

@@ -13,7 +13,6 @@ import argparse
 import os
 import shutil
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -175,7 +174,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rows", type=int, default=0)
     parser.add_argument("--format", nargs="+", choices=sorted(exporters()), default=[*exporters()])
     parser.add_argument("--skip-validators", action="store_true")
-    parser.add_argument("--keep", type=Path, help="a folder for the files")
 
 
 def run(given: argparse.Namespace) -> Figures:
@@ -184,12 +182,11 @@ def run(given: argparse.Namespace) -> Figures:
     site = repeated(site, given.rows) if given.rows else site
     site = replace(site, alignment=site.alignment or SOMEWHERE)
     figures = {}
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = given.keep or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in given.format:
-            try:
-                figures[name] = measured(name, site, folder, not given.skip_validators)
-            except SavmapError as error:
-                print(f"{name:16}cannot hold this map: {error}")
+    folder = given.keep
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in given.format:
+        try:
+            figures[name] = measured(name, site, folder, not given.skip_validators)
+        except SavmapError as error:
+            print(f"{name:16}cannot hold this map: {error}")
     return figures

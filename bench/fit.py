@@ -10,7 +10,6 @@ takes these into the shipped file: only if `python -m bench rows` is better by i
 
 import argparse
 import json
-import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -70,15 +69,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=6, help="of drives of each family")
     parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES[:3])
     parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--keep", type=Path, help="keep footage and evidence in this folder")
     parser.add_argument("--write", action="store_true", help="take the fitted values into the shipped file")
     parser.set_defaults(set="train", row="both", references="camera")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Fit, and print or write the parameters."""
-    with tempfile.TemporaryDirectory() as temporary:
-        read = [*faces(given, given.keep or Path(temporary))]
+    read = [*faces(given, given.keep)]
     result = fit([face for *_, face in read], stored(GUESS))
     provenance = {
         "fitted": "maximum posterior of the surveyed members of simulated rows",

@@ -26,14 +26,7 @@ BENCHES: Mapping[str, Bench] = {
         {**ERRORS, "whole": "more", "trusted": "more", "refused": "less", "lamps cm": "less"},
     ),
     "fit": Bench("(a tool) The parameters of the face's model, by maximum likelihood on train rows", 60),
-    "verdicts": Bench(
-        "Which warnings about maps are true, which false, and what is wrong that none names?",
-        1,
-        {"true": "more", "false": "less", "unnamed": "less", "trusted": "more"},
-    ),
     "sigmas": Bench("Are the standard deviations of maps of footage true, class by class?", 30, {"error mm": "less"}),
-    "observed": Bench("How good are 46 rows of the paper's size, beside the published method?", 30, ERRORS),
-    "uncertainty": Bench("Are standard deviations true at observation level, by what is wrong with the masks?", 15),
     "site46": Bench(
         "Is a site of 46 rows whole and square, and do time and memory stay the same from row to row?",
         40,
@@ -50,12 +43,7 @@ BENCHES: Mapping[str, Bench] = {
         {"wrong": "less", "right": "more", "found %": "more", "false %": "less", "after mm": "less"},
     ),
     "physics": Bench(
-        "Do wrong references and wrong clips ever end as a trusted map?",
-        240,
-        {"silently wrong": "less", "false alarm": "less", "other reason": "less"},
-    ),
-    "physics-footage": Bench(
-        "Does wrong footage (cuts, turns, other files, bad cameras) ever end as a trusted map?",
+        "Do wrong references, clips and cameras (cuts, turns, other files) ever end as a trusted map?",
         240,
         {"silently wrong": "less", "false alarm": "less", "other reason": "less"},
     ),
@@ -70,7 +58,7 @@ BENCHES: Mapping[str, Bench] = {
         {"good": "more", "wrong without a warning": "less", "missing": "less", "spurious": "less"},
     ),
     "photo-tiles": Bench("(a tool) Labelled photographs as pictures for training", 2),
-    "live": Bench("How far does a live session stay behind, what does it say, and what is left of one cut off?", 10),
+    "live": Bench("How far does a live session stay behind, what does it say, and what memory does it take?", 10),
     "slots": Bench(
         "Is it right which slots of made-up rows hold goods, and how many are left unknown?",
         40,

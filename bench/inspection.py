@@ -12,8 +12,6 @@ deviations of what was measured of it.
 """
 
 import argparse
-import json
-import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +22,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from bench.baseline import Figures
+from bench.baseline import Figures, table
 from bench.observed_rows import LOWEST_SIGMA_M, DrivenRow, Given, driven_along, given, mapped, rack, start_of, tracked
 from bench.rows import measured, only_one_row
 from bench.seeds import SETS, is_test, seeds
@@ -205,32 +203,26 @@ def tasks(arguments: argparse.Namespace, base: Path) -> Iterator[tuple[int, Call
         yield seed, partial(rendered_row, seed, base / f"deformed-row-{seed}", arguments.frames)
 
 
-def _rounded(figures: Figures) -> dict[str, dict[str, float]]:
-    return {row: {column: round(value, 3) for column, value in cells.items()} for row, cells in figures.items()}
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument("--set", choices=SETS, default="train", help="of seeds")
     parser.add_argument("--measured", type=int, default=40, help="how many rows without pictures")
     parser.add_argument("--rendered", type=int, default=0, help="how many rows from footage")
     parser.add_argument("--frames", type=int, default=40, help="of rendered footage")
-    parser.add_argument("--keep", type=Path, help="keep rendered footage in this folder")
 
 
 def run(arguments: argparse.Namespace) -> Figures:
     """Figures over all rows, of each kind of shape."""
     results: list[Shape] = []
     refused = 0
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed, work in tasks(arguments, arguments.keep or Path(temporary)):
-            try:
-                results += (of_row := work())
-            except SavmapError as error:
-                refused += 1
-                of_row = []
-                if not is_test(FAMILY, seed):
-                    print(f"{seed:6d}  {str(error)[:100]}", flush=True)
+    for seed, work in tasks(arguments, arguments.keep):
+        try:
+            results += (of_row := work())
+        except SavmapError as error:
+            refused += 1
+            of_row = []
             if not is_test(FAMILY, seed):
-                print(seed, json.dumps(_rounded(totals(of_row))), flush=True)
+                print(f"{seed:6d}  {str(error)[:100]}", flush=True)
+        if not is_test(FAMILY, seed):
+            print(seed, table(totals(of_row)), sep="\n", flush=True)
     return {**totals(results), "total": {"refused": refused}}

@@ -1,53 +1,42 @@
-"""What a live session of `savmap live` does on this machine: how far it stays behind, what its assistant says, what is left where it is cut off.
+"""What a live session of `savmap live` does on this machine: how far it stays behind, what its assistant says, what memory it takes.
 
-    python -m bench live [--parts advice walk cuts memory rows] [--site SITE.yaml] [--clips VIDEO ...] [--cuts 20] [--minutes 60] [--pace 1]
-        [--keep DIR]
+    python -m bench live [--parts advice walk memory] [--site SITE.yaml] [--clips VIDEO ...] [--minutes 60] [--pace 1] [--keep DIR]
 
 - `advice`: footage that deserves a warning is made of each clip, picture by picture, and shown to the assistant: which codes it says, in how many
   frames, and how soon. Of the clean clips it should say nothing.
 - `walk`: a site's first row at the pace at which it was filmed: share of the frames that are measured at once, from a frame's coming to its
   measurement, from it to the first map, between maps; whether the map at the end has the bytes of `savmap map`'s.
-- `cuts`: sessions over six seconds of the demo are killed, find the disk full or lose their source at random moments; each time all files must be
-  whole, and a session that goes on to its end with `--resume` must give the map of `savmap map`, byte by byte. Use `--pace 0.15`.
 - `memory`: an hour of footage through `LiveSession`, as fast as it takes it: memory after each five minutes.
-- `rows`: a recording of two passes: the map of `savmap live --split` and that of `savmap split` and `savmap map`, byte by byte.
 """
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 
 from bench.baseline import Figures
-from bench.clips import Frames, Image, lit, out_of_focus, read, write
-from bench.live_cuts import SITE as SITE_TEXT
-from bench.live_cuts import cuts, descendants, run_savmap
+from bench.clips import Frames, Image, lit, out_of_focus, read
+from bench.cost import memory_mb, processes
 from savmap import LiveSession
 from savmap.apps.live.assistant import CaptureAssistant
 from savmap.apps.live.session import LiveMapping
 from savmap.apps.live.sources import frames_of, live_job
 from savmap.files.atomic import sha256
-from savmap.maps.map_file import read_map
 from savmap.types import Panorama
 from savmap.video.motion import PassWatch
 
 ROOT = Path(__file__).parents[1]
 SITE = ROOT / "savmap" / "demo" / "site.yaml"
 CLIPS = (ROOT / "savmap" / "demo" / "aisle-dev.mp4",)
-RATE_FPS, HOUR_FPS, HELD, STEP_MIN = 6, 1, 100, 5
-THERE_S, TURN_FRAMES = (2.0, 10.0), 18
+HOUR_FPS, HELD, STEP_MIN = 1, 100, 5
 HANDS_DEG = {"left": -90.0, "right": 90.0}
-POLL_S = 0.05
 
 Change = Callable[[int, Image], Image]
 
@@ -165,89 +154,39 @@ def walk(site: Path, pace: float, folder: Path) -> Figures:
 
 def memory(clip: Path, minutes: int, folder: Path) -> Figures:
     """Footage of a clip, to and fro, handed to a session as fast as it takes it: memory of this process and of that which maps, MB."""
-    images = [smaller(image) for _, image in read(clip)[:HELD]]
+    images = [
+        np.asarray(cv2.resize(image, (1024, 512), interpolation=cv2.INTER_AREA), np.uint8)
+        for _, image in read(clip)[:HELD]
+    ]
     course = [*images, *images[-2:0:-1]]
     figures: dict[str, Mapping[str, float]] = {}
     with LiveSession(SITE, ["shelves"], output=folder) as session:
         for number in range(60 * minutes * HOUR_FPS):
             state = session.add(number / HOUR_FPS, course[number % len(course)])
             if (number + 1) % (60 * STEP_MIN * HOUR_FPS) == 0:
-                sizes = {"walk MB": resident_mb(os.getpid()), "map MB": sum(map(resident_mb, descendants(os.getpid())))}
+                walking, *mapping = processes(os.getpid())
+                sizes = {"walk MB": memory_mb([walking]), "map MB": memory_mb(mapping)}
                 row = {**sizes, "measured": state.measured, "maps": state.maps, "mapped frames": state.mapped_frames}
                 figures[f"after {(number + 1) // HOUR_FPS // 60} min"] = row
                 print(f"{(number + 1) // HOUR_FPS // 60} min: {row} {state.problem}", flush=True)
     return figures
 
 
-def smaller(image: Image) -> Image:
-    return np.asarray(cv2.resize(image, (1024, 512), interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def resident_mb(pid: int) -> float:
-    """A process's resident memory (Linux)."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="utf-8").split()[1])
-    return round(pages * resource.getpagesize() / 1e6, 1)
-
-
-def rows(folder: Path) -> Figures:
-    """A recording along a rack, a turn about and back: `savmap live --split` and `savmap split` with `savmap map` should give the same bytes."""
-    recording = folder / "weave.mp4"
-    write_there_and_back(CLIPS[0], recording)
-    header = "".join(line for line in SITE_TEXT.splitlines(keepends=True) if not line.startswith(" "))
-    live_site, batch_site = folder / "live.yaml", folder / "rows.yaml"
-    live_site.write_text(f"{header}  A: {{passes: [{{video: {recording}}}]}}\n", encoding="utf-8")
-    live_code = run_savmap("live", live_site, "--split", "--pace", 0, "-o", folder / "live")
-    run_savmap("split", recording, "-o", batch_site)
-    split = batch_site.read_text(encoding="utf-8")
-    batch_site.write_text(header.replace("rows:\n", "") + split, encoding="utf-8")
-    batch_code = run_savmap("map", batch_site, "-o", folder / "batch")
-    digests = [sha256(folder / name / "map.json") for name in ("live", "batch")]
-    row = {
-        "rows": len(read_map(folder / "live" / "map.json").rows),
-        "exit code, live": live_code,
-        "exit code, batch": batch_code,
-        "same bytes": digests[0] == digests[1],
-    }
-    print(row, flush=True)
-    return {"rows": row}
-
-
-def write_there_and_back(clip: Path, path: Path) -> None:
-    """Seconds of a clip, a turn about in place, and the way back as a camera sees it that goes forward."""
-    frames = [image for stamp, image in read(clip) if THERE_S[0] <= stamp < THERE_S[1]]
-    width = frames[0].shape[1]
-    turn = [np.roll(frames[-1], -round(width * step / TURN_FRAMES / 2), axis=1) for step in range(1, TURN_FRAMES)]
-    back = [np.roll(image, width // 2, axis=1) for image in frames[::-1]]
-    write(
-        path, [(number / RATE_FPS, np.ascontiguousarray(image)) for number, image in enumerate((*frames, *turn, *back))]
-    )
-
-
-def parts(given: argparse.Namespace) -> Iterator[tuple[str, Figures]]:
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = given.keep or Path(temporary)
-        folder.mkdir(parents=True, exist_ok=True)
-        steps: Mapping[str, Callable[[], Figures]] = {
-            "advice": lambda: advice(given.clips),
-            "walk": lambda: walk(given.site, given.pace, folder),
-            "cuts": lambda: cuts(given.cuts, given.pace, folder / "cuts"),
-            "memory": lambda: memory(given.clips[0], given.minutes, folder / "hour"),
-            "rows": lambda: rows(folder),
-        }
-        for name in given.parts:
-            yield name, steps[name]()
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    names = ("advice", "walk", "cuts", "memory", "rows")
-    parser.add_argument("--parts", nargs="+", choices=names, default=["advice", "walk"])
+    """The options of this bench."""
+    parser.add_argument("--parts", nargs="+", choices=("advice", "walk", "memory"), default=["advice", "walk"])
     parser.add_argument("--site", type=Path, default=SITE)
     parser.add_argument("--clips", type=Path, nargs="+", default=list(CLIPS))
-    parser.add_argument("--cuts", type=int, default=20)
     parser.add_argument("--minutes", type=int, default=60, help="of footage for `memory`")
     parser.add_argument("--pace", type=float, default=1.0)
-    parser.add_argument("--keep", type=Path, help="a folder for what is written; default: one that is removed")
 
 
-def run(given: argparse.Namespace) -> dict[str, Any]:
-    return {name: row for _, figures in parts(given) for name, row in figures.items()}
+def run(given: argparse.Namespace) -> Figures:
+    """The figures of the parts that are asked for."""
+    folder = given.keep
+    steps: Mapping[str, Callable[[], Figures]] = {
+        "advice": lambda: advice(given.clips),
+        "walk": lambda: walk(given.site, given.pace, folder),
+        "memory": lambda: memory(given.clips[0], given.minutes, folder / "hour"),
+    }
+    return {name: row for part in given.parts for name, row in steps[part]().items()}

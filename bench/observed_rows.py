@@ -1,10 +1,10 @@
 """Rows at observation level: a scene of the paper's size, masks' edges with their errors, and the way from there to a map.
 
-Shared by observed, uncertainty, site46 and compare; the tracking, constraints, solve and scoring are the program's.
+Shared by site46, compare, against, inspection and cost; the tracking, constraints, solve and scoring are the program's.
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,18 @@ from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import parse_scene
 from savmap.pipeline.path import initial_path
 from savmap.pipeline.records import RowMeasurements, RowRequest
-from savmap.types import FrameTable, RowFacts, Score, Structure, Track, Trajectory, ViewSpec
+from savmap.types import (
+    Attribute,
+    Floats,
+    FrameTable,
+    RowFacts,
+    RowMap,
+    Score,
+    Structure,
+    Track,
+    Trajectory,
+    ViewSpec,
+)
 from savmap.vision.markers import MarkerTracks
 from savmap_shelves.association import track_structures
 from savmap_shelves.constraints import GridSettings, constrain
@@ -38,6 +49,7 @@ from savmap_shelves.report.evaluation import evaluate
 VIEW = ViewSpec("shelf", yaw_deg=-90.0, hfov_deg=150.0)
 """640x480 and 150 degrees (paper, section IV.A): 1.75 cm a pixel at 1.5 m."""
 ESTIMATED = BiasSettings(1.0, 0.25, 0.05, "estimated")
+SIGN_SIGMA_M = 0.01
 FACING = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])
 HEIGHT_SIGMA_M, LOWEST_SIGMA_M, LENGTH_SIGMA_M, WIDTH_SIGMA_M = 0.02, 0.002, 0.003, 0.001
 PROFILES = (
@@ -117,39 +129,48 @@ def driven_along(
 ) -> DrivenRow:
     """A rack and what a camera saw that was pushed along it once; `rng` draws the camera's height. `parts`: of edges,
     each by itself, too."""
-    sections = len(shelves["bays"])
     length = sum(bay["width"] + 0.1 for bay in shelves["bays"]) + 0.1
-    cart = {
-        "start": [-1.0, 1.5],
-        "end": [length + 1.0, 1.5],
-        "height": float(rng.normal(3.0, 0.02)),
-        "frames": frames_a_section * (sections + 1),
-        "sway": 0.06,
-        "speed_variation": 0.3,
-    }
-    hall = {"x": [-8.0, length + 8.0], "z": [-4.0, 5.0], "height": 9.0}
+    frames = frames_a_section * (len(shelves["bays"]) + 1)
     scene = parse_scene(
         {
             "seed": seed,
-            "hall": hall,
+            "hall": {"x": [-8.0, length + 8.0], "z": [-4.0, 5.0], "height": 9.0},
             "goods": {"density": 0.0},
-            "cart": cart,
+            "cart": cart(length, 1.5, float(rng.normal(3.0, 0.02)), frames),
             "rows": {"A": {"x": 0.0, "z": 0.0}},
             "structures": {"shelves": {"rows": {"A": shelves}}},
         }
     )
-    built = build(scene)
-    path = drive(scene.cart, seed)
-    edges = observe(built, "A", path, view, errors, seed)
-    nominal = max(errors.sigma_px, 0.3)
+    return seen_row(build(scene), "A", drive(scene.cart, seed), view, errors, seed, parts=parts)
+
+
+def cart(length: float, z: float, height: float, frames: int) -> dict[str, Any]:
+    """The camera's drive past a row."""
+    ends = {"start": [-1.0, z], "end": [length + 1.0, z]}
+    return {**ends, "height": height, "frames": frames, "sway": 0.06, "speed_variation": 0.3}
+
+
+def seen_row(
+    built: Built,
+    row: str,
+    path: Drive,
+    view: ViewSpec,
+    errors: MaskErrors,
+    seed: int,
+    name: str = "A",
+    travel: int = 1,
+    parts: bool = False,
+) -> DrivenRow:
+    """What one pass saw of a scene's row, which is called `name`; `travel`: 1 or -1, along the row's x or back."""
+    edges, nominal = observe(built, row, path, view, errors, seed), max(errors.sigma_px, 0.3)
     features = [feature for frame in edges for feature in observed_features(frame, view, nominal)]
-    features += observed_parts(built, "A", path, view, errors, seed, features) if parts else ()
+    features += observed_parts(built, row, path, view, errors, seed, features) if parts else ()
     table = FrameTable(path.stamps_s, ("pass 1",) * len(path.stamps_s))
-    facts = RowFacts("A", table, {view.name: view}, {"pass 1": 1})
-    measurements = RowMeasurements(
-        facts, {"shelves": features}, {"pass 1": FACING}, frozenset({"shelves"}), (), MarkerTracks({}, {})
-    )
-    return DrivenRow(built, path, measurements)
+    facts = RowFacts(name, table, {view.name: view}, {"pass 1": travel})
+    facing = {"pass 1": np.diag([travel, 1.0, travel]) @ FACING}
+    shelves = frozenset({"shelves"})
+    measurements = RowMeasurements(facts, {"shelves": features}, facing, shelves, (), MarkerTracks({}, {}))
+    return DrivenRow(built, path, measurements, row)
 
 
 def given(driven: DrivenRow, rng: np.random.Generator, profiles: bool = True) -> Given:
@@ -196,3 +217,20 @@ def mapped(
     structures = describe(row_tracks, solution)
     seconds = time.perf_counter() - begin
     return Mapped(row_tracks, solution, structures, evaluate(structures, driven.survey), seconds)
+
+
+def row_map(name: str, driven: DrivenRow, solution: Solution, structures: Sequence[Structure]) -> RowMap:
+    """A solved row as a map has it."""
+    table, views = driven.measurements.facts.frames, dict(driven.measurements.facts.views)
+    stamps, shelves = FrameTable(table.stamps_s, table.passes), {"shelves": tuple(structures)}
+    return RowMap(name, stamps, views, solution.trajectory, shelves, (), dict(solution.report))
+
+
+def sign(number: int, text: str, corner: Floats, scale: float = 1.0, **attributes: Attribute) -> Structure:
+    """A sign of 30 x 20 cm, by its lower left corner (3,) m, as a row might have mapped it whose unit is 1 / `scale` m."""
+    quad = corner + scale * np.array([[0, 0.2, 0], [0.3, 0.2, 0], [0.3, 0, 0], [0, 0, 0.0]])
+    labels = tuple(f"sign {number} / {part}" for part in range(4))
+    covariances = np.tile((scale * SIGN_SIGMA_M) ** 2 * np.eye(3), (4, 1, 1))
+    edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    said: dict[str, Attribute] = {"sign": number, "text": text, "confidence": 0.99, **attributes}
+    return Structure(f"sign {number}", "sign", quad, covariances, labels, edges, said)

@@ -1,12 +1,9 @@
 """How good are the paths of visual odometry: their shape, the length of their steps, what is lost, and what it costs?
 
     python -m bench odometry [--set test] [--count 18] [--width 1024] [--every 1] [--peer] [--keep DIR]
-    python -m bench odometry --clip VIDEO [--truth JSON] [--every 5 8] [--peer]
 
 Drives past random short rows, by turns in colour, in grey and dark; 18 of them take ten minutes of a processor, most of
-these for rendering. DIR keeps the footage. `--truth`: the camera's places in a clip, in `poses.json` of `savmap
-simulate` or in a file with `camera`: a list of `position`. Without it the path of every fifth frame is the measure for
-that of every eighth; `--every` takes other numbers, the first of which is the measure.
+these for rendering. DIR keeps the footage. `--every`: so many frames a step.
 
 rms: of places after rotation, translation and scale, of the longest part, as a share of the way. spread: of the ratio of
 steps to the true ones. lost: frames that are not in the longest part. s a frame: of a processor, to follow points and to
@@ -35,7 +32,6 @@ from threadpoolctl import threadpool_limits
 
 from bench.baseline import Figures
 from bench.seeds import SETS, is_test, seeds
-from savmap.errors import VideoError
 from savmap.lab.sim.random_row import random_row
 from savmap.lab.sim.scene.files import Scene
 from savmap.lab.sim.simulate import simulate
@@ -143,23 +139,20 @@ def one_thread() -> None:
     threadpool_limits(1, "blas")
 
 
-def walks(video: Path, given: argparse.Namespace, every: Sequence[int]) -> dict[str, Walk]:
+def walks(video: Path, given: argparse.Namespace) -> dict[str, Walk]:
     """The paths of a clip that the arguments ask for, by what they are called."""
     methods = {"savmap": followed} | ({"pycolmap": peers} if given.peer else {})
     return {
         name if step == 1 else f"{name}, every {step}": alone(method, video, step)
-        for step in given.every or every
+        for step in given.every
         for name, method in methods.items()
     }
 
 
-def true_walk(file: Path) -> Walk:
-    """The camera's places in a file of the truth."""
-    content = json.loads(file.read_text(encoding="utf-8"))
-    if "camera" in content:
-        places = np.array([frame["position"] for frame in content["camera"]])
-    else:
-        places = np.array([frame["world_from_rig"] for frame in content["frames"]])[:, :3, 3]
+def true_walk(poses: Path) -> Walk:
+    """The camera's places in a `poses.json` of `savmap simulate`."""
+    content = json.loads(poses.read_text(encoding="utf-8"))
+    places = np.array([frame["world_from_rig"] for frame in content["frames"]])[:, :3, 3]
     return Walk(np.arange(len(places)), places)
 
 
@@ -219,30 +212,9 @@ def drives(given: argparse.Namespace, base: Path) -> Iterator[tuple[str, int, Pa
         yield family, seed, folder
 
 
-def on_drives(given: argparse.Namespace, base: Path) -> Figures:
-    """Totals over simulated drives; a line for each that may be shown."""
-    scores = defaultdict[str, list[Cells]](list)
-    for family, seed, folder in drives(given, base):
-        true = true_walk(folder / "poses.json")
-        for name, walk in walks(folder / "footage.mp4", given, (1,)).items():
-            scores[name].append(cells := score(walk, true))
-            if not is_test(family, seed):
-                print(f"{family} {seed}, {name}: {text(cells)}", flush=True)
-    return {name: totals(scores[name]) for name in sorted(scores)}
-
-
 def text(cells: Cells) -> str:
     """A line of figures."""
     return ", ".join(f"{key} {value:.3g}" for key, value in cells.items())
-
-
-def on_clip(given: argparse.Namespace) -> Figures:
-    """Paths of a clip beside the truth, or beside the first of them."""
-    found = walks(given.clip, given, (1,) if given.truth else (5, 8))
-    measure = true_walk(given.truth) if given.truth else next(iter(found.values()))
-    if not given.truth and all(len(np.intersect1d(w.frames, measure.frames)) < FEWEST for w in [*found.values()][1:]):
-        raise VideoError(f"{given.clip}: fewer than {FEWEST} frames are in both paths; give other numbers as --every")
-    return {name: score(walk, measure) for name, walk in sorted(found.items()) if walk is not measure}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -251,16 +223,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=18, help="of drives")
     parser.add_argument("--frames", type=int, default=40, help="of a drive")
     parser.add_argument("--width", type=int, default=1024, help="of a drive's panoramas, pixels")
-    parser.add_argument("--clip", type=Path, help="a video instead of drives")
-    parser.add_argument("--truth", type=Path, help="JSON file with the camera's places in it")
-    parser.add_argument("--every", type=int, nargs="+", help="take every so many frames; several: one after another")
+    parser.add_argument(
+        "--every", type=int, nargs="+", default=[1], help="take every so many frames; several: one after another"
+    )
     parser.add_argument("--peer", action="store_true", help="also pycolmap's path (extra `validators`)")
-    parser.add_argument("--keep", type=Path, help="keep footage in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
-    """Figures of drives or of a clip."""
-    if given.clip:
-        return on_clip(given)
-    with tempfile.TemporaryDirectory() as temporary:
-        return on_drives(given, given.keep or Path(temporary))
+    """Totals over simulated drives; a line for each that may be shown."""
+    scores = defaultdict[str, list[Cells]](list)
+    for family, seed, folder in drives(given, given.keep):
+        true = true_walk(folder / "poses.json")
+        for name, walk in walks(folder / "footage.mp4", given).items():
+            scores[name].append(cells := score(walk, true))
+            if not is_test(family, seed):
+                print(f"{family} {seed}, {name}: {text(cells)}", flush=True)
+    return {name: totals(scores[name]) for name in sorted(scores)}

@@ -1,6 +1,6 @@
 """Rows whose face is a real photograph, from simulated footage to scored map: missing, spurious, error, warnings.
 
-    python -m bench photo-rows [--model FILE] [--faces NAME,...] [--only colour,grey,dim] [--photos DIR] [--keep DIR]
+    python -m bench photo-rows [--model FILE] [--faces NAME ...] [--only colour grey dim] [--photos DIR] [--keep DIR]
 
 A face is the front of a rectified photograph (real paint, real goods), laid on the plane of a row and repeated along it; the drive, the hall and
 its lamps are simulated. Each face stands in colour, in grey and at a third of the light. Goods lie in the plane: parallax is missing.
@@ -19,23 +19,21 @@ Photographs are fetched by address and digest into `--photos`, they are not redi
 
 import argparse
 import json
-import tempfile
 import time
-from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import av
 import cv2
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from pydantic import BeforeValidator, TypeAdapter
 
 import savmap
 from bench.baseline import Figures
@@ -44,7 +42,7 @@ from savmap.errors import SavmapError
 from savmap.geometry.sphere import rays_from_panorama_pixels
 from savmap.lab.scenes import Exposure, Material, RowSize, SceneParts, span
 from savmap.lab.sim.drive.cart import Drive, drive
-from savmap.lab.sim.render.panorama import linear_bands
+from savmap.lab.sim.render.panorama import in_order, linear_bands
 from savmap.lab.sim.render.shade import Renderer, compressed, developed, metered, renderer
 from savmap.lab.sim.render.surfaces import Singles
 from savmap.lab.sim.scene.build import Built, build
@@ -59,6 +57,11 @@ _ROUNDS = 20
 _FINE = 20
 
 
+def _four(numbers: Sequence[float]) -> Sequence[float]:
+    """Bottom, top, below and above of a beam, the last two where they are given."""
+    return [*numbers, *(numbers[0], numbers[1])[len(numbers) - 2 :]]
+
+
 @dataclass(frozen=True)
 class BayPicture:
     """One bay of a rectified picture, px: `span` of columns; `beams` (bottom, top, below, above) from the bottom up, where what
@@ -66,7 +69,7 @@ class BayPicture:
     side its mirror image follows."""
 
     span: tuple[float, float]
-    beams: tuple[tuple[float, float, float, float], ...]
+    beams: tuple[Annotated[tuple[float, float, float, float], BeforeValidator(_four)], ...]
     without: tuple[tuple[float, float], ...] = ()
     mirrored: str = ""
 
@@ -99,32 +102,8 @@ class PhotoRow:
 
 def read_faces(path: Path = FACES) -> dict[str, Face]:
     """The faces by name."""
-    return {entry["name"]: _face(entry) for entry in json.loads(path.read_text(encoding="utf-8"))["faces"]}
-
-
-def _face(entry: Mapping[str, Any]) -> Face:
-    bays = [_bay_picture(bay) for bay in entry["bays"]]
-    return Face(
-        name=entry["name"],
-        entry=entry,
-        corners=tuple(map(tuple, entry["corners"])),
-        radial=entry["radial"],
-        size_px=tuple(entry["size_px"]),
-        pixels_a_metre=entry["pixels_a_metre"],
-        posts=tuple(map(tuple, entry["posts"])),
-        bays=tuple(bays),
-        row=tuple(entry["row"]),
-    )
-
-
-def _bay_picture(entry: Mapping[str, Any]) -> BayPicture:
-    beams, without = tuple(map(_beam, entry["beams"])), tuple(map(tuple, entry.get("without", ())))
-    return BayPicture(tuple(entry["span"]), beams, without, entry.get("mirrored", ""))
-
-
-def _beam(numbers: Sequence[float]) -> tuple[float, float, float, float]:
-    bottom, top, below, above = [*numbers, *(numbers[0], numbers[1])[len(numbers) - 2 :]]
-    return bottom, top, below, above
+    entries = json.loads(path.read_text(encoding="utf-8"))["faces"]
+    return {entry["name"]: TypeAdapter(Face).validate_python({**entry, "entry": entry}) for entry in entries}
 
 
 def photo_row(face: Face, photo: Picture) -> PhotoRow:
@@ -249,7 +228,9 @@ def make_footage(row: PhotoRow, name: str, folders: Mapping[str, Path], size: Si
     path = drive(built.scene.cart, built.scene.seed)
     with ExitStack() as stack:
         videos = {light: stack.enter_context(_Video(folders[light], size)) for light in LIGHTS}
-        for shown in _frames(renderer(built), path, row.size):
+        task = _Task(renderer(built), path, built.scene.look, row.size)
+        task = replace(task, look=metered(task.look, task.linear(len(path.origins) // 2, _METERING_HEIGHT)))
+        for shown in in_order(task.frame, len(path.origins), 2):
             for light, picture in shown.items():
                 videos[light].write(picture)
     for folder in folders.values():
@@ -355,33 +336,6 @@ def _around(face: Bools) -> tuple[Bools, Bools]:
     return near[:, wide:-wide] > 0, (outer - inner)[:, wide:-wide] > 0
 
 
-_prepared: list[_Task] = []
-
-
-def _frames(scene: Renderer, path: Drive, size: tuple[float, float], workers: int = 2) -> Iterator[dict[str, Picture]]:
-    """The drive's frames in each light, in order."""
-    look = scene.built.scene.look
-    task = _Task(scene, path, look, size)
-    task = replace(task, look=metered(look, task.linear(len(path.origins) // 2, _METERING_HEIGHT)))
-    cv2.setNumThreads(1)  # a forked process waits for threads that it does not have
-    with ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
-        pending: deque[Future[dict[str, Picture]]] = deque()
-        for index in range(len(path.origins)):
-            pending.append(pool.submit(_frame, index))
-            if len(pending) > workers:
-                yield pending.popleft().result()
-        while pending:
-            yield pending.popleft().result()
-
-
-def _prepare(task: _Task) -> None:
-    _prepared[:] = [task]
-
-
-def _frame(index: int) -> dict[str, Picture]:
-    return _prepared[0].frame(index)
-
-
 class _Video:
     """footage.mp4 in a folder, frame by frame; a film that breaks off is left with another name."""
 
@@ -478,26 +432,11 @@ def line(name: str, figures: Mapping[str, Any]) -> str:
     return f"{name:24}{counts} {error} {len(figures['warnings']):8d} {figures['seconds']:8.0f}"
 
 
-def cases(names: Sequence[str], lights: Sequence[str]) -> Iterator[Case]:
-    """The cases asked for."""
-    faces = read_faces()
-    unknown = [name for name in names if name not in faces] + [light for light in lights if light not in LIGHTS]
-    if unknown:
-        raise SystemExit(f"{', '.join(unknown)}: choose of {', '.join(faces)}; {', '.join(LIGHTS)}")
-    for name in names or faces:
-        yield from (Case(faces[name], light) for light in lights or LIGHTS)
-
-
-def _names(text: str) -> list[str]:
-    return [name for name in text.split(",") if name]
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
-    parser.add_argument("--faces", type=_names, default=[], help="names in faces.json, with commas; all of them")
-    parser.add_argument("--only", type=_names, default=[], help="of colour, grey, dim, with commas; all of them")
+    parser.add_argument("--faces", nargs="+", choices=read_faces(), default=list(read_faces()))
+    parser.add_argument("--only", nargs="+", choices=LIGHTS, default=LIGHTS)
     parser.add_argument("--photos", type=Path, default=PHOTOS, help="the photographs' folder")
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("--model", type=Path, help="another network than the plugin's")
     parser.add_argument("--frames", type=int, default=50)
     parser.add_argument("--width", type=int, default=2048)
@@ -506,12 +445,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> Figures:
     """Each case, and the totals."""
     results: dict[str, dict[str, Any]] = {}
-    with tempfile.TemporaryDirectory() as temporary:
-        for case in cases(given.faces, given.only):
-            base = given.keep or Path(temporary)
-            site = footage(case, base, given.photos, Size(given.frames, given.width))
-            results[case.name] = score(site, base / case.name / "out", given.model)
-            print(line(case.name, results[case.name]), flush=True)
+    faces = read_faces()
+    for case in (Case(faces[name], light) for name in given.faces for light in given.only):
+        base = given.keep
+        site = footage(case, base, given.photos, Size(given.frames, given.width))
+        results[case.name] = score(site, base / case.name / "out", given.model)
+        print(line(case.name, results[case.name]), flush=True)
     return totals(results)
 
 

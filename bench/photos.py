@@ -391,71 +391,35 @@ def wrong_regions(predicted: NDArray[np.bool_], right: NDArray[np.bool_]) -> tup
     return int(np.sum(inside[large] < LEAST_SHARE * found.areas[large])), len(large)
 
 
-@dataclass(frozen=True)
-class Count:
-    """So many of all."""
-
-    some: int
-    every: int
-
-    @property
-    def percent(self) -> float:
-        """NaN of none."""
-        return 100 * self.some / self.every if self.every else float("nan")
-
-    def __str__(self) -> str:
-        return f"{self.some}/{self.every}"
-
-
-@dataclass(frozen=True)
-class Total:
-    """A class's figures over photographs: the mean of their IoUs, that of all pixels together (NaN where there is nothing of the class),
-    front members found, the same by contrast, and wrong regions."""
-
-    iou: float
-    pixel_iou: float
-    found: Count
-    by_contrast: Mapping[str, Count]
-    wrong: Count
-
-    def figures(self) -> dict[str, float]:
-        """As a row of a table."""
-        by_contrast = {f"found %, contrast {label}": count.percent for label, count in self.by_contrast.items()}
-        return {
-            "IoU": self.iou,
-            "IoU of all pixels": self.pixel_iou,
-            "found %": self.found.percent,
-            "wrong %": self.wrong.percent,
-            **by_contrast,
-        }
-
-
-Totals = Mapping[str, Total]
-"""Figures by class."""
-
-
-def totals(scores: Sequence[Score], classes: Sequence[str]) -> Totals:
+def totals(scores: Sequence[Score], classes: Sequence[str]) -> dict[str, dict[str, float]]:
     """Each class's figures over some photographs."""
     return {name: total([score[name] for score in scores]) for name in classes}
 
 
-def total(parts: Sequence[ClassScore]) -> Total:
-    """One class's figures over some photographs."""
+def total(parts: Sequence[ClassScore]) -> dict[str, float]:
+    """One class's figures over some photographs: the mean of their IoUs, that of all pixels together, members found, the same by
+    contrast, and wrong regions; NaN of nothing."""
     known = [part.iou for part in parts if np.isfinite(part.iou)]
-    either = sum(part.either for part in parts)
     members = [member for part in parts for member in part.members]
-    return Total(
-        float(np.mean(known)) if known else np.nan,
-        sum(part.both for part in parts) / either if either else np.nan,
-        counted(members),
-        {label: counted([m for m in members if low <= m.contrast < high]) for label, low, high in CONTRASTS},
-        Count(sum(part.wrong for part in parts), sum(part.regions for part in parts)),
+    by_contrast = {
+        f"found %, contrast {label}": percent_found([m for m in members if low <= m.contrast < high])
+        for label, low, high in CONTRASTS
+    }
+    both, either, wrong, regions = (
+        sum(getattr(part, name) for part in parts) for name in ("both", "either", "wrong", "regions")
     )
+    return {
+        "IoU": float(np.mean(known)) if known else np.nan,
+        "IoU of all pixels": both / either if either else np.nan,
+        "found %": percent_found(members),
+        "wrong %": 100 * wrong / regions if regions else np.nan,
+        **by_contrast,
+    }
 
 
-def counted(members: Sequence[Seen]) -> Count:
-    """How many members are found."""
-    return Count(sum(member.found for member in members), len(members))
+def percent_found(members: Sequence[Seen]) -> float:
+    """Of members; NaN of none."""
+    return 100 * sum(member.found for member in members) / len(members) if members else np.nan
 
 
 def indexed(index: Path, labels: Path, cache: Path, classes: Sequence[str]) -> Iterator[Photograph]:
@@ -551,7 +515,7 @@ def run(given: argparse.Namespace) -> Figures:
         segmenter = Segmenter(model, given.threads, providers=("cpu",))
         for way in given.ways:
             total = shown(segmenter, photographs, way, classes, thresholds(given), each)
-            figures |= {f"{model.name}, {way}, {name}": part.figures() for name, part in total.items()}
+            figures |= {f"{model.name}, {way}, {name}": part for name, part in total.items()}
     return figures
 
 
@@ -562,9 +526,9 @@ def shown(
     classes: Sequence[str],
     thresholds: Thresholds,
     each: bool,
-) -> Totals:
+) -> dict[str, dict[str, float]]:
     """Print a line of figures for all photographs together and, with `each`, for each one as it is measured; the totals."""
-    print(f"{segmenter.path.name}, {way}: IoU, found, wrong of {', '.join(classes)}")
+    print(f"{segmenter.path.name}, {way}: IoU, found %, wrong % of {', '.join(classes)}")
     scores: list[Score] = []
     for name, part in measured(predictor(segmenter, classes), photographs, way, classes, thresholds):
         scores.append(part)
@@ -575,6 +539,6 @@ def shown(
     return together
 
 
-def _line(name: str, figures: Totals) -> str:
-    cells = (f"{one.iou:.2f} {one.found} {one.wrong}" for one in figures.values())
+def _line(name: str, figures: Mapping[str, Mapping[str, float]]) -> str:
+    cells = (f"{of['IoU']:.2f} {of['found %']:4.0f} {of['wrong %']:4.0f}" for of in figures.values())
     return f"{name[:30]:30s}  {'   '.join(cells)}"

@@ -18,7 +18,6 @@ import json
 import resource
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Mapping
 from itertools import islice
@@ -151,16 +150,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--hfov", type=float, nargs="+", help="the lens's field of view, degrees; one, or one a clip")
     parser.add_argument("--length", type=float, help="from the left edge of upright 2 to that of upright 3, m")
     parser.add_argument("--peer", action="store_true", help="also pycolmap's path (extra `validators`)")
-    parser.add_argument("--keep", type=Path, help="keep maps in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures of the clips."""
     fields = given.hfov or [None]
     fields = fields if len(fields) == len(given.clips) else len(given.clips) * fields[:1]
-    with tempfile.TemporaryDirectory() as temporary:
-        base = given.keep or Path(temporary)
-        return {
-            video.stem: of_clip(video, hfov, given, base / video.stem)
-            for video, hfov in zip(given.clips, fields, strict=True)
-        }
+    base = given.keep
+    return {
+        video.stem: of_clip(video, hfov, given, base / video.stem)
+        for video, hfov in zip(given.clips, fields, strict=True)
+    }

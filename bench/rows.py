@@ -4,8 +4,7 @@
                          [--without paint] [--keep DIR]
 
 Families: `rows` are random short ones; `grey rows` have beams and decks of one grey in flat light; `dark rows` are dark
-and thin in a dark hall; of `long rows` the bays come six times over; `interrupted rows` have a bay without beams, 3.2 m
-wide, in the middle. `--references`: all that the footage comes with (camera height, lowest beams, a length), `length`
+and thin in a dark hall; of `long rows` the bays come six times over. `--references`: all that the footage comes with (camera height, lowest beams, a length), `length`
 (camera height and length), or `camera` (its height only), which is what most users have at first. `--row second` maps
 the rack on the right of the drive, another random one, where the drive goes past all of it; `both` maps either.
 
@@ -18,7 +17,6 @@ The acceptance table: `--set test --family rows "grey rows" "dark rows" --count 
 
 import argparse
 import json
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -57,7 +55,7 @@ from savmap_shelves.lab.fit import LaidSurvey
 from savmap_shelves.lab.looks import darkened, greyed
 from savmap_shelves.likelihood import fitted
 
-FAMILIES = ("rows", "grey rows", "dark rows", "long rows", "interrupted rows")
+FAMILIES = ("rows", "grey rows", "dark rows", "long rows")
 ROWS = ("first", "second")
 """The rows of a simulated aisle, left and right of the drive."""
 TERMS: Mapping[str, Mapping[str, Any]] = {
@@ -74,7 +72,7 @@ BINS = (0.0, 0.1, 0.5, 0.9, 0.99, 1.0)
 SCORES = ("mae_m", "missing", "spurious", "lights", "ends of lights")
 GOOD_M = 0.01
 """A row that is right within this should be trusted."""
-SLACK_M, TIMES, GAP_M = 0.3, 6, 3.2
+SLACK_M, TIMES = 0.3, 6
 
 
 def footage(seed: int, frames: int, folder: Path, family: str = "rows") -> Path:
@@ -86,7 +84,6 @@ def footage(seed: int, frames: int, folder: Path, family: str = "rows") -> Path:
             "grey rows": lambda: greyed(scene, seed),
             "dark rows": lambda: darkened(scene, seed),
             "long rows": lambda: lengthened(scene, TIMES),
-            "interrupted rows": lambda: interrupted(scene, GAP_M),
         }
         simulate(changed[family]() if family in changed else scene, folder)
     return site
@@ -293,20 +290,6 @@ def _length(rack: Mapping[str, Any]) -> float:
     return float(sum(bay["width"] for bay in rack["bays"]))
 
 
-def interrupted(scene: Scene, gap: float) -> Scene:
-    """The scene with a bay without beams, so many metres wide, in the middle of the first rack; the hall and the drive longer by as much.
-
-    Racks behind stay as they are, and are seen through it."""
-    content = scene.model_dump(mode="json")
-    rack, cart = next(iter(content["structures"]["shelves"]["rows"].values())), content["cart"]
-    before, more = abs(cart["end"][0] - cart["start"][0]), gap + rack["upright_width"]
-    rack["bays"].insert(len(rack["bays"]) // 2, {"width": gap, "beams": [], "empty": True})
-    content["hall"]["x"][1] += more
-    cart["start" if cart["start"][0] > cart["end"][0] else "end"][0] += more
-    cart["frames"] = round(cart["frames"] * (before + more) / before)
-    return parse_scene(content, "interrupted row")
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument(
@@ -320,15 +303,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--row", choices=[*ROWS, "both"], default=ROWS[0], help="the row on the left or on the right of the drive"
     )
     parser.add_argument("--without", choices=TERMS, help="a term of the face's model that is switched off")
-    parser.add_argument("--keep", type=Path, help="keep footage and what was seen of it in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Map each row of the set."""
     results: list[dict[str, Any]] = []
     print("  seed  missing  spurious  MAE cm  lamps cm  seconds  verdict", flush=True)
-    with tempfile.TemporaryDirectory() as temporary, without(given.without):
-        for family, seed, site, output in sites(given, given.keep or Path(temporary)):
+    with without(given.without):
+        for family, seed, site, output in sites(given, given.keep):
             results.append(score(site, output))
             if not is_test(family, seed):
                 print(line(seed, results[-1]), flush=True)

@@ -14,7 +14,6 @@ SEEDS: Mapping[str, Mapping[str, Sequence[int]]] = {
     "rows": {"train": range(1000, 1020), "dev": range(5000, 5020), "test": range(31000, 31020)},
     "grey rows": {"train": range(1000, 1010), "dev": range(5050, 5060), "test": range(32000, 32020)},
     "long rows": {"train": range(1000, 1002), "dev": range(5003, 5004), "test": range(33000, 33003)},
-    "interrupted rows": {"train": range(1000, 1002), "dev": range(5000, 5004), "test": range(33100, 33106)},
     "signs": {"train": range(6000, 6006), "dev": range(6100, 6106), "test": range(36000, 36006)},
     "observation": {"train": range(3000, 3046), "dev": range(0, 46), "test": range(34000, 34046)},
     "pairs": {"train": range(100, 120), "dev": range(0, 20), "test": range(34100, 34120)},

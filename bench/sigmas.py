@@ -32,33 +32,31 @@ KINDS = ("upright x", "upright width", "beam y", "beam height", "lamp x", "lamp 
 BY_CONVENTION_M = 1e-3
 Figure = tuple[str, float, float]
 """Kind, error and sigma, both m."""
-NamedFigure = tuple[str, Figure]
 
 
-def mapped(site: Path, keep: Path | None) -> tuple[RowMap, Mapping[str, Any]]:
+def mapped(site: Path, keep: Path) -> tuple[RowMap, Mapping[str, Any]]:
     """The map of a site's first row, and its truth. Raises SavmapError."""
     job = job_for(site, None, site.parent)
     name = next(iter(job.site.rows))
     assert job.site.survey is not None
     request, monitor = request_for(job, name), NoteCollector()
-    kept = keep / f"{site.absolute().parent.name}.measured" if keep else None
-    if kept is not None and kept.is_file():
+    kept = keep / f"{site.absolute().parent.name}.measured"
+    if kept.is_file():
         measurements = unpacked(kept.read_bytes(), RowMeasurements)
     else:
         (measured,) = measure([request], Journal(), monitor)
         if isinstance(measured, SavmapError):
             raise measured
         measurements = measured.measurements
-        if kept is not None:
-            write_bytes(kept, packed(measurements))
+        write_bytes(kept, packed(measurements))
     row = map_rows([MeasuredRow(request, measurements)], monitor)[0]
     if isinstance(row, SavmapError):
         raise row
     return row, read_survey(job.site.survey).rows[name]
 
 
-def figures_of(row: RowMap, survey: Mapping[str, Any]) -> Iterator[NamedFigure]:
-    """All that the map says with a sigma and the survey says too, of elements that both have, each with the id of its element."""
+def figures_of(row: RowMap, survey: Mapping[str, Any]) -> Iterator[Figure]:
+    """All that the map says with a sigma and the survey says too, of elements that both have."""
     structures = row.structures.get("shelves", ())
     by_id = {structure.id: structure for structure in structures}
     yield from _of_elements(
@@ -81,7 +79,7 @@ def _of_elements(
     kinds: Sequence[str],
     sides: tuple[str, str],
     gate_m: float,
-) -> Iterator[NamedFigure]:
+) -> Iterator[Figure]:
     """Edges and widths of elements (n, 2) that are near surveyed ones (m, 2)."""
     axis, size = (0, "width_sigma_m") if sides[0] == "left" else (1, "height_sigma_m")
     for name, interval in zip(found.ids, found.intervals, strict=True):
@@ -93,19 +91,18 @@ def _of_elements(
             at = next(k for k, label in enumerate(structure.vertex_labels) if side in label.split())
             sigma = float(np.sqrt(structure.covariances[at, axis, axis]))
             if sigma > BY_CONVENTION_M / 2:
-                yield name, (kinds[0], float(estimate - true), sigma)
-        yield name, (kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size]))
+                yield kinds[0], float(estimate - true), sigma
+        yield kinds[1], float(np.diff(interval)[0] - np.diff(near)[0]), float(structure.attributes[size])
 
 
-def _of_lamps(found: Sequence[Structure], truth: Floats) -> Iterator[NamedFigure]:
+def _of_lamps(found: Sequence[Structure], truth: Floats) -> Iterator[Figure]:
     """Lamps' centres, whose ends' errors are taken for common to both."""
     for lamp in found:
         centre, variances = lamp.vertices.mean(axis=0), np.diagonal(lamp.covariances, axis1=1, axis2=2).mean(axis=0)
         apart = np.linalg.norm(truth - centre, axis=1)
         if len(apart) and apart.min() < LAMP_M:
             errors = centre - truth[int(np.argmin(apart))]
-            for figure in zip(KINDS[-3:], errors.tolist(), np.sqrt(variances).tolist(), strict=True):
-                yield lamp.id, figure
+            yield from zip(KINDS[-3:], errors.tolist(), np.sqrt(variances).tolist(), strict=True)
 
 
 def by_kind(found: Sequence[Figure]) -> dict[str, dict[str, float]]:
@@ -124,7 +121,6 @@ def by_kind(found: Sequence[Figure]) -> dict[str, dict[str, float]]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this bench."""
     parser.add_argument("sites", nargs="+", type=Path)
-    parser.add_argument("--keep", type=Path, help="keep what was measured in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
@@ -136,5 +132,5 @@ def run(given: argparse.Namespace) -> Figures:
         except SavmapError as error:
             print(f"{site}: {error}"[:140], flush=True)
             continue
-        every += [figure for _, figure in figures_of(row, survey)]
+        every += figures_of(row, survey)
     return by_kind(every)

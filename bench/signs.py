@@ -8,7 +8,6 @@ letters at least 8 pixels of the panorama high. "inside": the corners' coordinat
 """
 
 import argparse
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -159,19 +158,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, help="of rows; all of the set")
     parser.add_argument("--frames", type=int, default=36)
     parser.add_argument("--width", type=int, default=4096)
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures over all rows; a line for each of `dev`."""
     results = []
     print("  seed  signs  legible  found  read  mean cm  95 % cm   max cm  inside %  invented  spurious", flush=True)
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed in seeds("signs", given.set, given.count):
-            folder = (given.keep or Path(temporary)) / f"row-{seed}"
-            results.append(figures_of(seed, given.frames, given.width, folder))
-            if not is_test("signs", seed):
-                print(line(seed, results[-1]), flush=True)
+    for seed in seeds("signs", given.set, given.count):
+        folder = given.keep / f"row-{seed}"
+        results.append(figures_of(seed, given.frames, given.width, folder))
+        if not is_test("signs", seed):
+            print(line(seed, results[-1]), flush=True)
     corners = np.concatenate([result["corners_m"] for result in results])
     counts = ("signs", "legible", "found", "read", "spurious")
     return {

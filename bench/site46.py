@@ -15,13 +15,23 @@ import resource
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bench.baseline import Figures
-from bench.observed_rows import ESTIMATED, FACING, LOWEST_SIGMA_M, VIEW, DrivenRow, Mapped, given, mapped, rack
+from bench.observed_rows import (
+    ESTIMATED,
+    LOWEST_SIGMA_M,
+    VIEW,
+    DrivenRow,
+    Mapped,
+    cart,
+    given,
+    mapped,
+    rack,
+    row_map,
+    seen_row,
+)
 from savmap.assembly import Assembly, assembled
 from savmap.errors import SavmapError
 from savmap.lab.sim.drive.cart import drive
@@ -29,26 +39,20 @@ from savmap.lab.sim.observations import PAPER
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import parse_scene
 from savmap.maps.map_file import write_map
-from savmap.pipeline.records import RowMeasurements
 from savmap.plugin.manager import open_plugin
 from savmap.report.evaluation import as_table, mean_absolute_error
 from savmap.report.picture import write_box_plot
 from savmap.types import (
     Evaluation,
     Floats,
-    FrameTable,
     Placement,
-    RowFacts,
     RowMap,
     Score,
     SiteMap,
     Structure,
-    ViewSpec,
     pool,
 )
-from savmap.vision.markers import MarkerTracks
 from savmap_shelves.constraints import GridSettings
-from savmap_shelves.lab.observed import observe, observed_features
 
 AISLE_M, PITCH_M = 3.0, 4.2
 UPRIGHT_M = 0.1
@@ -116,12 +120,13 @@ def driven_row(task: Task) -> DrivenRow:
         racks[side] = shelves
     length = length_of(widths(task.aisle + 1, task.sections))
     seed = hash_of(task.recording)
+    height = float(np.random.default_rng([seed, 46]).normal(3.0, 0.02))
     scene = parse_scene(
         {
             "seed": task.aisle,
             "hall": {"x": [-8.0, length + 8.0], "z": [-4.0, AISLE_M + 4.0], "height": 9.0},
             "goods": {"density": 0.0},
-            "cart": cart(length, task, seed),
+            "cart": cart(length, AISLE_M / 2, height, task.frames_a_section * (task.sections + 1)),
             "rows": {"L": {"x": 0.0, "z": 0.0}, "R": {"x": length, "z": AISLE_M, "facing": "-z"}},
             "structures": {"shelves": {"rows": racks}},
         }
@@ -129,31 +134,7 @@ def driven_row(task: Task) -> DrivenRow:
     built, path = build(scene), drive(scene.cart, seed)
     right = task.side == "R"
     view = replace(VIEW, yaw_deg=90.0) if right else VIEW
-    edges = observe(built, task.side, path, view, PAPER, 1000 + task.number)
-    features = [feature for frame in edges for feature in observed_features(frame, view, PAPER.sigma_px)]
-    measurements = observations(task.name, path.stamps_s, view, features, -1 if right else 1)
-    return DrivenRow(built, path, measurements, task.side)
-
-
-def observations(name: str, stamps_s: Floats, view: ViewSpec, features: list[Any], travel: int) -> RowMeasurements:
-    """What one pass saw of a row in which the camera went along x or back."""
-    facts = RowFacts(name, FrameTable(stamps_s, ("pass 1",) * len(stamps_s)), {view.name: view}, {"pass 1": travel})
-    facing = np.diag([travel, 1.0, travel]) @ FACING
-    return RowMeasurements(
-        facts, {"shelves": features}, {"pass 1": facing}, frozenset({"shelves"}), (), MarkerTracks({}, {})
-    )
-
-
-def cart(length: float, task: Task, seed: int) -> dict[str, Any]:
-    """The drive through the aisle."""
-    return {
-        "start": [-1.0, AISLE_M / 2],
-        "end": [length + 1.0, AISLE_M / 2],
-        "height": float(np.random.default_rng([seed, 46]).normal(3.0, 0.02)),
-        "frames": task.frames_a_section * (task.sections + 1),
-        "sway": 0.06,
-        "speed_variation": 0.3,
-    }
+    return seen_row(built, task.side, path, view, PAPER, 1000 + task.number, task.name, -1 if right else 1)
 
 
 def hash_of(recording: Hashable) -> int:
@@ -165,11 +146,9 @@ def mapped_row(task: Task, driven: DrivenRow) -> tuple[Mapped, RowMap]:
     """The row's map by the program's way, with lamps beside the shelves."""
     known = given(driven, np.random.default_rng([task.number, 7]))
     row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M, bias=ESTIMATED))
-    facts, solution = driven.measurements.facts, row.solution
-    structures = {"shelves": tuple(row.structures), "lights": tuple(lamps(task))}
-    return row, RowMap(
-        task.name, facts.frames, facts.views, solution.trajectory, structures, solution.references, solution.report
-    )
+    with_racks = row_map(task.name, driven, row.solution, row.structures)
+    structures = {**with_racks.structures, "lights": tuple(lamps(task))}
+    return row, replace(with_racks, structures=structures, references=row.solution.references)
 
 
 def lamps(task: Task) -> Iterator[Structure]:
@@ -270,22 +249,16 @@ def place_errors(places: Mapping[str, Placement], results: Sequence[Result]) -> 
 
 
 def squareness(places: Mapping[str, Placement], results: Sequence[Result]) -> dict[str, float]:
-    """Errors (root mean square) of rows, of faces across an aisle, along both faces of a rack, of headings among themselves."""
+    """Errors (root mean square) of faces across an aisle, along both faces of a rack, and of headings among themselves."""
     names = [result.task.name for result in results if result.task.name in places]
     off = dict(zip(names, place_errors(places, results), strict=True))
     aisles = [off[f"{k}R"] - off[f"{k}L"] for k in range(1, len(results)) if {f"{k}L", f"{k}R"} <= off.keys()]
     racks = [off[f"{k + 1}L"] - off[f"{k}R"] for k in range(1, len(results)) if {f"{k + 1}L", f"{k}R"} <= off.keys()]
-    errors = np.array(list(off.values()))
-    chi2 = [off[name] @ np.linalg.solve(places[name].covariance, off[name]) for name in names]
+    headings = np.array([error[2] for error in off.values()])
     return {
-        "x m": _rms(errors[:, 0]),
-        "z m": _rms(errors[:, 1]),
-        "heading deg": _rms(errors[:, 2]),
-        "heading to the mean deg": _rms(errors[:, 2] - errors[:, 2].mean()),
-        "across an aisle x m": _rms(np.array(aisles).reshape(-1, 3)[:, 0]),
-        "across an aisle z m": _rms(np.array(aisles).reshape(-1, 3)[:, 1]),
-        "along a rack's faces m": _rms(np.array(racks).reshape(-1, 3)[:, 0]),
-        "off, in sigmas": float(np.sqrt(np.mean(chi2) / 3)),
+        "across an aisle x m": _rms(np.array([error[0] for error in aisles])),
+        "along a rack's faces m": _rms(np.array([error[0] for error in racks])),
+        "heading to the mean deg": _rms(headings - headings.mean()),
     }
 
 
@@ -313,7 +286,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sections", type=int, default=15)
     parser.add_argument("--frames-a-section", type=int, default=20)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--keep", type=Path, help="a folder for the map and a picture of the errors")
 
 
 def run(given: argparse.Namespace) -> Figures:
@@ -321,10 +293,8 @@ def run(given: argparse.Namespace) -> Figures:
     tasks = [Task(number, given.sections, given.frames_a_section) for number in range(given.rows)]
     results = mapped_rows(tasks, given.jobs)
     assembly, seconds = site_of(results)
-    if given.keep:
-        given.keep.mkdir(parents=True, exist_ok=True)
-        write_map(assembly.site_map, given.keep / "map.json")
-        write_box_plot(Evaluation({result.task.name: result.score for result in results}), given.keep / "errors.png")
+    write_map(assembly.site_map, given.keep / "map.json")
+    write_box_plot(Evaluation({result.task.name: result.score for result in results}), given.keep / "errors.png")
     return figures_of(results, assembly, seconds)
 
 

@@ -9,7 +9,6 @@ parameters on these rows and writes them; the shipped ones come from `--set trai
 
 import argparse
 import json
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -49,18 +48,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, default=4, help="of rows of each family")
     parser.add_argument("--family", choices=FAMILIES, nargs="+", default=FAMILIES)
     parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--keep", type=Path, help="keep footage and maps in this folder")
     parser.add_argument("--fit", type=Path, metavar="FILE", help="fit the parameters and write them")
     parser.set_defaults(row="both", references="all")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Figures over all slots; a line for each wrong or unknown one of `dev` and `train`."""
-    with tempfile.TemporaryDirectory() as temporary:
-        rows = slot_rows(given, given.keep or Path(temporary))
-        if given.fit:
-            return fitted_to(list(rows), given)
-        pairs = [(row, slot, occupancy) for row in rows for slot, occupancy in read(row)]
+    rows = slot_rows(given, given.keep)
+    if given.fit:
+        return fitted_to(list(rows), given)
+    pairs = [(row, slot, occupancy) for row in rows for slot, occupancy in read(row)]
     return {"total": totals([(slot, occupancy) for _, slot, occupancy in pairs])} if pairs else {}
 
 
@@ -111,7 +108,11 @@ def totals(pairs: Sequence[tuple[TrueSlot, Occupancy]]) -> dict[str, float]:
     right = [(slot, occupancy) for slot, occupancy in decided if occupancy.state == state(slot)]
     full = [(slot, occupancy) for slot, occupancy in right if slot.is_occupied]
     widths = [o.free_width.value - slot.free_width_m for slot, o in full if o.free_width]
-    heights = [o.free_height.value - (height_of(o) - slot.top_m) for slot, o in full if o.free_height]
+    heights = [
+        o.free_height.value - (float(o.slot.attributes["clear_height_m"]) - slot.top_m)
+        for slot, o in full
+        if o.free_height
+    ]
     over = [(occupancy.over_edge > 0.5, slot.is_over_edge) for slot, occupancy in full]
     return {
         "slots": len(pairs),
@@ -124,12 +125,6 @@ def totals(pairs: Sequence[tuple[TrueSlot, Occupancy]]) -> dict[str, float]:
         "named": sum(said and true for said, true in over),
         "named wrongly": sum(said and not true for said, true in over),
     }
-
-
-def height_of(occupancy: Occupancy) -> float:
-    """The clear height of a slot between two beams."""
-    size = occupancy.slot.attributes["clear_height_m"]
-    return float(size)
 
 
 def fitted_to(rows: Sequence[SlotRow], given: argparse.Namespace) -> Figures:

@@ -8,8 +8,7 @@ seed is another warehouse, through whose six aisles a cart weaves.
 
 import argparse
 import json
-import tempfile
-import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +118,7 @@ def _stops(rng: np.random.Generator, points: list[list[float]]) -> list[list[flo
 
 
 LIMIT_S = 1.0
+Pair = tuple[Mapping[str, Any], DetectedPass | None]
 
 
 def recording(folder: Path, seed: int, width: int, fps: float) -> Path:
@@ -129,47 +129,35 @@ def recording(folder: Path, seed: int, width: int, fps: float) -> Path:
     return place
 
 
-def scored(place: Path) -> dict[str, Any]:
-    """What is found in a recording beside the truth."""
+def pairs_of(place: Path) -> tuple[list[Pair], int]:
+    """The true passes of a recording with what is found of each, and how many more are found."""
     truth = json.loads((place / "passes.json").read_text(encoding="utf-8"))["passes"]
-    begun = time.process_time()
-    search = find(place / "footage.mp4")
-    cost_s = time.process_time() - begun
-    rows = [_row(true, search.passes) for true in truth]
-    spurious = len(search.passes) - sum(row["start_s"] is not None for row in rows)
-    seconds = float(search.stamps_s[-1])
-    return {"passes": rows, "spurious": spurious, "frames_decoded": search.frames_decoded, "processor_s": cost_s, "length_s": seconds}  # fmt: skip
+    passes = find(place / "footage.mp4").passes
+    pairs = [(true, detected(true, passes)) for true in truth]
+    return pairs, len(passes) - sum(hit is not None for _, hit in pairs)
 
 
-def _row(true: dict[str, Any], passes: tuple[DetectedPass, ...]) -> dict[str, Any]:
-    """One true pass, and of the detected ones the one that shares most of its time."""
-    sides = [side for side in ("left", "right") if true[side]]
-    wanted = {"true_start_s": true["start_s"], "true_end_s": true["end_s"], "true_sides": sides}
-    overlaps = [min(p.end_s, true["end_s"]) - max(p.start_s, true["start_s"]) for p in passes]
-    if not overlaps or max(overlaps) < 0.5 * (true["end_s"] - true["start_s"]):
-        return {**wanted, "start_s": None, "end_s": None, "sides": [], "worst_s": None}
-    detected = passes[overlaps.index(max(overlaps))]
-    worst = max(abs(detected.start_s - true["start_s"]), abs(detected.end_s - true["end_s"]))
-    return {
-        **wanted,
-        "start_s": detected.start_s,
-        "end_s": detected.end_s,
-        "sides": list(detected.sides),
-        "worst_s": round(worst, 2),
-    }
+def detected(true: Mapping[str, Any], passes: Sequence[DetectedPass]) -> DetectedPass | None:
+    """Of the detected passes the one that shares most of the time of a true one, at least half of it."""
+
+    def shared_s(other: DetectedPass) -> float:
+        return float(min(other.end_s, true["end_s"]) - max(other.start_s, true["start_s"]))
+
+    best = max(passes, key=shared_s, default=None)
+    return best if best is not None and shared_s(best) >= 0.5 * (true["end_s"] - true["start_s"]) else None
 
 
-def lines(name: str, result: dict[str, Any]) -> list[str]:
-    """A table of a recording: true times, errors, sides."""
-    head = f"{name}: {result['length_s']:.0f} s, {result['frames_decoded']} frames decoded, {result['processor_s']:.1f} s of processor time"
-    text = [f"{head}, {result['spurious']} spurious"]
-    for number, row in enumerate(result["passes"], start=1):
-        start, end = row["true_start_s"], row["true_end_s"]
-        errors = "missed"
-        if row["start_s"] is not None:
-            errors = f"off {row['start_s'] - start:+.2f} {row['end_s'] - end:+.2f} s, {'+'.join(row['sides'])}"
-        text.append(f"  pass {number}: {start:.2f} to {end:.2f} s, {'+'.join(row['true_sides'])}; {errors}")
-    return text
+def sides_of(true: Mapping[str, Any]) -> list[str]:
+    """On which hands a true pass has a row."""
+    return [side for side in ("left", "right") if true[side]]
+
+
+def line(true: Mapping[str, Any], hit: DetectedPass | None) -> str:
+    """True times, errors, sides."""
+    off = "missed"
+    if hit is not None:
+        off = f"off {hit.start_s - true['start_s']:+.2f} {hit.end_s - true['end_s']:+.2f} s, {'+'.join(hit.sides)}"
+    return f"  {true['start_s']:.2f} to {true['end_s']:.2f} s, {'+'.join(sides_of(true))}; {off}"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -178,27 +166,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--count", type=int, help="of recordings; all of the set")
     parser.add_argument("--width", type=int, default=512)
     parser.add_argument("--fps", type=float, default=10.0)
-    parser.add_argument("--keep", type=Path, help="keep recordings in this folder")
 
 
 def run(given: argparse.Namespace) -> Figures:
     """Counts and errors over all recordings."""
-    results = []
-    with tempfile.TemporaryDirectory() as temporary:
-        for seed in seeds("recordings", given.set, given.count):
-            place = recording(given.keep or Path(temporary), seed, given.width, given.fps)
-            results.append(scored(place))
-            if not is_test("recordings", seed):
-                print("\n".join(lines(place.name, results[-1])), flush=True)
-    passes = [row for result in results for row in result["passes"]]
-    hits = [row for row in passes if row["worst_s"] is not None]
+    every, spurious = list[Pair](), 0
+    for seed in seeds("recordings", given.set, given.count):
+        place = recording(given.keep, seed, given.width, given.fps)
+        pairs, more = pairs_of(place)
+        every, spurious = [*every, *pairs], spurious + more
+        if not is_test("recordings", seed):
+            print(f"{place.name}: {more} spurious", *(line(*pair) for pair in pairs), sep="\n", flush=True)
+    hits = [(true, hit) for true, hit in every if hit is not None]
+    off_s = [max(abs(hit.start_s - true["start_s"]), abs(hit.end_s - true["end_s"])) for true, hit in hits]
     return {
         "total": {
-            "passes": len(passes),
-            "missed": len(passes) - len(hits),
-            "spurious": sum(result["spurious"] for result in results),
-            "off by more than 1 s": sum(row["worst_s"] > LIMIT_S for row in hits),
-            "largest s": max((row["worst_s"] for row in hits), default=float("nan")),
-            "sides wrong": sum(sorted(row["sides"]) != sorted(row["true_sides"]) for row in hits),
+            "passes": len(every),
+            "missed": len(every) - len(hits),
+            "spurious": spurious,
+            "off by more than 1 s": sum(seconds > LIMIT_S for seconds in off_s),
+            "largest s": max(off_s, default=float("nan")),
+            "sides wrong": sum(sorted(hit.sides) != sorted(sides_of(true)) for true, hit in hits),
         }
     }

@@ -10,7 +10,6 @@ calls, triangles and lines that the graphics are given, of which ordinary ones d
 
 import argparse
 import shutil
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -119,7 +118,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--elements", type=int, default=6700)
     parser.add_argument("--dates", action="store_true")
     parser.add_argument("--size", default="1360x800")
-    parser.add_argument("--keep", type=Path, help="a folder for the page and a picture of it")
 
 
 def run(given: argparse.Namespace) -> Figures:
@@ -128,8 +126,8 @@ def run(given: argparse.Namespace) -> Figures:
     before = Before(site, compare_maps(site, site)) if given.dates else None
     width, height = map(int, given.size.split("x"))
     browser_path = shutil.which("chromium") or shutil.which("google-chrome")
-    with tempfile.TemporaryDirectory() as temporary, sync_playwright() as started:
-        folder = given.keep or Path(temporary)
+    with sync_playwright() as started:
+        folder = given.keep
         file = folder / "view.html"
         begin = time.perf_counter()
         write_view(View(site, title=f"{given.rows} rows", before=before), file)

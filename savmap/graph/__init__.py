@@ -37,12 +37,11 @@ from savmap.graph.references import (
     SurveyedPoint,
     camera_priors,
 )
-from savmap.graph.solver.optimise import PUBLISHED, LocatedCamera, SolveOptions, locate_camera, solve
+from savmap.graph.solver.optimise import LocatedCamera, SolveOptions, locate_camera, solve
 from savmap.graph.solver.solution import Landmark, Solution
 from savmap.types.calibration import LensDistance, Shutter, Stitching, VerticalScale
 
 __all__ = [
-    "PUBLISHED",
     "TIGHT_M",
     "Biases",
     "Calibration",

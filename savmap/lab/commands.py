@@ -89,14 +89,15 @@ def label(
     sets: Sets = None,
 ) -> None:
     """Choose the views most worth labelling, and write them with the network's own masks to start from."""
+    from savmap.lab.label.formats import COCO, IMAGES
     from savmap.lab.label.run import label as choose_and_write
 
     with Console(Path(os.devnull)) as console:
         labelled = choose_and_write(source, plugin, count, output, overrides_of(sets or [], os.environ), console)
     say(f"wrote {labelled.pictures} pictures with {labelled.outlines} outlines into {labelled.folder}")
     say(
-        f"wrote the same as {labelled.coco} (CVAT, Label Studio), {labelled.yolo} (YOLO) and {labelled.images} "
-        "(LabelMe): correct one of them, and train on that one"
+        f"wrote the same as {labelled.folder / COCO} (CVAT, Label Studio) and {labelled.folder / IMAGES} (LabelMe): "
+        "correct one of them, and train on that one"
     )
 
 

@@ -13,10 +13,9 @@ from savmap.types import FrameTable, RowMap, SiteMap, Trajectory
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_made_up_row_is_mapped_by_both_methods() -> None:
-    from bench import observed
-    from bench.observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped
-    from bench.uncertainty import figures, summary
+def test_a_made_up_row_is_mapped_with_true_sigmas() -> None:
+    from bench.observed_rows import LOWEST_SIGMA_M, driven_row, given, mapped, row_map
+    from bench.sigmas import by_kind, figures_of
     from savmap.lab.sim.observations import MaskErrors
     from savmap_shelves.constraints import GridSettings
 
@@ -25,10 +24,9 @@ def test_a_made_up_row_is_mapped_by_both_methods() -> None:
     row = mapped(driven, known, GridSettings(known.lowest_m, LOWEST_SIGMA_M))
     assert not any(row.score.missing.values())
     assert not any(row.score.spurious.values())
-    errors = np.array([error / sigma for _, error, sigma in figures(driven.survey, row.tracks, row.solution)])
-    assert len(errors) > 20
-    assert 0.3 < summary(errors)["spread"] < 3.0
-    assert set(observed.METHODS) == {"ours", "published"}
+    table = by_kind([*figures_of(row_map("A", driven, row.solution, row.structures), driven.survey)])
+    assert [*table] == ["upright x", "upright width", "beam y", "beam height"]
+    assert all(0.3 < figures["error / sigma"] < 3.0 for figures in table.values())
 
 
 @pytest.mark.slow
@@ -95,10 +93,11 @@ def test_formats_are_timed_and_faults_counted(
     write_map(SiteMap({"A": row}, {}), tmp_path / "map.json")
     parser = argparse.ArgumentParser()
     exports.add_arguments(parser)
-    given = [str(tmp_path / "map.json"), "--rows", "2", "--format", "glb", "usda", "--keep", str(tmp_path / "out")]
+    parser.set_defaults(keep=tmp_path)
+    given = [str(tmp_path / "map.json"), "--rows", "2", "--format", "glb", "usda"]
     figures = exports.run(parser.parse_args([*given, "--skip-validators"]))
     assert [cells["faults"] for cells in figures.values()] == [0, 0]
-    assert (tmp_path / "out" / "map-usda.usda").is_file()
+    assert (tmp_path / "map-usda.usda").is_file()
     monkeypatch.setattr(exports, "VALIDATORS", {"glb": {"mine": lambda path: [f"{path.name} is odd"]}})
     assert exports.run(parser.parse_args(given))["glb"]["faults"] == 1
     assert "mine: 1 faults" in capsys.readouterr().out
@@ -127,7 +126,7 @@ def test_rows_of_the_test_set_are_in_no_other_set() -> None:
 
 
 def test_rows_of_the_test_set_are_shown_as_totals_only(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from bench import rows
 
@@ -137,6 +136,7 @@ def test_rows_of_the_test_set_are_shown_as_totals_only(
     monkeypatch.setattr(rows, "score", lambda *_: figures)
     parser = argparse.ArgumentParser()
     rows.add_arguments(parser)
+    parser.set_defaults(keep=tmp_path)
     total = rows.run(parser.parse_args(["--set", "test"]))["total"]
     assert (total["rows"], total["whole"], total["missing"], total["mean cm"]) == (20, 0, 20, pytest.approx(0.2))
     assert len(capsys.readouterr().out.splitlines()) == 1

@@ -1,4 +1,5 @@
-"""Where the solve starts: as published (paper, section III.E), or from linear equations that need attitudes only."""
+"""Where the solve starts: from linear equations that need attitudes only. Where a path starts: as published (paper,
+section III.E)."""
 
 from dataclasses import dataclass, replace
 
@@ -91,8 +92,8 @@ class Start:
         )
 
 
-def starts(problem: Problem, kind: str) -> list[Start]:
-    """A start of the solve for each choice of alternatives; `kind` is "linear" or "published".
+def starts(problem: Problem) -> list[Start]:
+    """A start of the solve for each choice of alternatives.
 
     Raises SolveError if scale or place are not observable in any choice.
     """
@@ -102,7 +103,7 @@ def starts(problem: Problem, kind: str) -> list[Start]:
     begins, errors = list[Start](), list[SolveError]()
     for choice, names in consistent_alternatives(problem, *linear):
         try:
-            begins.append(_start(choice, names, kind, (poses, points), linear))
+            begins.append(_start(choice, names, poses, linear))
         except SolveError as error:
             errors.append(error)
     if not begins:
@@ -113,12 +114,11 @@ def starts(problem: Problem, kind: str) -> list[Start]:
 def _start(
     problem: Problem,
     alternatives: tuple[str, ...],
-    kind: str,
-    first: tuple[Floats, Floats],
+    poses: Floats,
     linear: tuple[Floats, Floats],
 ) -> Start:
-    """From `first` poses (f, 4, 4) and points (m, 3), and the `linear` start's cameras (f, 3) and points (m, 3)."""
-    (poses, points), (cameras, positions) = first, linear
+    """From first poses (f, 4, 4), whose attitudes stay, and the `linear` start's cameras (f, 3) and points (m, 3)."""
+    cameras, positions = linear
     given = problem
     problem, refuted = without_outliers(problem, cameras, positions)
     if problem.camera.fixed is None:
@@ -133,12 +133,11 @@ def _start(
         similarity = fit(problem, cameras, positions)
         require_metric(problem, similarity, positions.mean(axis=0))
         cameras, positions = similarity.points(cameras), similarity.points(positions)
-    if kind == "linear" or problem.camera.fixed is not None:
-        poses, points = poses.copy(), positions
-        poses[:, :3, 3] = cameras
+    poses = poses.copy()
+    poses[:, :3, 3] = cameras
     heights = np.array([height.value_m for height in problem.camera.references.camera_heights])
     variables = {key: value for part in problem.parts for key, value in part.variables.items()}
-    return Start(given, problem, alternatives, refuted, Estimate(poses, points, heights, variables))
+    return Start(given, problem, alternatives, refuted, Estimate(poses, positions, heights, variables))
 
 
 def moved(problem: Problem, estimate: Estimate, similarity: Similarity) -> Estimate:

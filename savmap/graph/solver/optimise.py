@@ -8,7 +8,6 @@ that no residual shows it; but it bends what others see there, and pictures laid
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import Literal
 
 import gtsam
 import numpy as np
@@ -57,22 +56,15 @@ MOST_FRAMES_ASTRAY = 2
 
 @dataclass(frozen=True)
 class SolveOptions:
-    """`start`: linear equations, or as published. `loss`: Huber's, or plain least squares. A measurement more than
-    `reject_sigma` standard deviations off is left out, in at most `rounds` rounds. `max_iterations` of
-    Levenberg-Marquardt a round. `judge`: references that all else contradicts are found first; `judge_far`: where some
-    are far off a first fit to all."""
+    """A measurement more than `reject_sigma` standard deviations off is left out, in at most `rounds` rounds.
+    `max_iterations` of Levenberg-Marquardt a round. `judge`: references that all else contradicts are found first;
+    `judge_far`: where some are far off a first fit to all."""
 
-    start: Literal["linear", "published"] = "linear"
-    loss: Literal["huber", "none"] = "huber"
     reject_sigma: float = 4.0
     rounds: int = 5
     max_iterations: int = 50
     judge: bool = True
     judge_far: bool = False
-
-
-PUBLISHED = SolveOptions("published", loss="none", reject_sigma=float("inf"), rounds=1, max_iterations=100, judge=False)
-"""Plain least squares from the published start, no measurement rejected (paper, section III.E)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +168,7 @@ def converged(problem: Problem, options: SolveOptions | None = None) -> Iterate:
 
 
 def _converged(problem: Problem, chosen: SolveOptions) -> Iterate:
-    begin = _likeliest(starts(problem, chosen.start), chosen)
+    begin = _likeliest(starts(problem), chosen)
     judgement, estimate, soft = _tested(begin, chosen)
     *_, last = _rounds(judgement.problem, estimate, chosen, soft)
     if len(last.fit.kept) and not last.fit.kept.any():
@@ -314,19 +306,19 @@ def _rounds(
 ) -> Iterator[Iterate]:
     """The iterates, of which the last is the answer: from all measurements at first, or those that fitted in what is
     `begun`, then from those that fitted, corrected for biases. `bias` (k,): where the biases begin."""
-    huber = np.full(len(problem.measurements), HUBER) if options.loss == "huber" else None
+    huber = np.full(len(problem.measurements), HUBER)
     kept: Bools = np.ones(len(problem.measurements), dtype=bool)
     bias = _initial_biases(problem, options) if bias is None else bias
     weight, first_scale = np.ones(len(kept)), 0.0
     if begun is not None:
         kept, bias, weight, first_scale = begun.fit.kept, begun.bias, begun.inflation, begun.first_scale
-        huber = None if huber is None else begun.huber
+        huber = begun.huber
     row = f"row {problem.camera.facts.name}"
     for number in range(options.rounds):
         near = number > 0 or begun is not None
         corrected = problem.without(bias, estimate.poses, estimate.points)
         weighed = corrected.measurements.inflated(weight).take(kept)
-        graph = whole_graph(corrected, estimate, weighed, huber if huber is None else huber[kept])
+        graph = whole_graph(corrected, estimate, weighed, huber[kept])
         begin = values_of(corrected, estimate)
         values = minimum(row, graph, begin, options.max_iterations, FINE if near else ROUGH)
         estimate = estimate_of(corrected, values, estimate)
@@ -336,7 +328,7 @@ def _rounds(
         iterate = Iterate(corrected, bias, estimate, fit, persistence(corrected, fit), first_scale=first_scale)
         weight = iterate.inflation
         yield iterate
-        huber = None if huber is None else iterate.huber
+        huber = iterate.huber
         step = _bias_step(iterate, huber) if number + 1 < options.rounds else np.zeros(len(bias))
         if near and (fit.kept != kept).sum() <= SETTLED * len(kept) and not step.any():
             return

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from savmap.lab.plugins import lab_plugin
-from savmap.lab.sim.dataset import write, write_series
+from savmap.lab.sim.dataset import write, write_practice
 from savmap.lab.sim.random_scene import random_scene
 from savmap.types.progress import Monitor
 
@@ -33,10 +33,7 @@ def practice_set(
     partial_folder = folder.with_name(f"{folder.name}.part")
     shutil.rmtree(partial_folder, ignore_errors=True)
     if lab.has("practice_picture"):
-        names = [f"practice-{seed}-{index:06d}" for index in range(count)]
-        write_series(
-            partial_folder, lab.network_classes or classes, "practice", names, partial(lab.practice_picture, seed)
-        )
+        write_practice(partial_folder, lab, classes, seed, count)
     else:
         write(partial_folder, seed, count, "mixed", classes, partial(random_scene, plugins=[plugin]))
     partial_folder.rename(folder)

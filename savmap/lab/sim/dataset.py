@@ -3,7 +3,8 @@ DIR`.
 
 DIR/images/NAME.jpg, DIR/masks/NAME.png (0 background, k for classes[k - 1], 255 not to be judged) and DIR/dataset.json.
 Structures of further plugins: `--plugin NAME`, whose hook `random_section` says what of them a random place has.
-`--kind floor` looks down at the floor before the rows.
+`--kind floor` looks down at the floor before the rows; `--kind painted` are those of the plugin's hook
+`practice_picture`.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import numpy as np
 from savmap.errors import OutputError, ending_in_one_line
 from savmap.files.atomic import read_json, write_text
 from savmap.geometry.pinhole import focal_px
+from savmap.lab.plugins import LabPlugin, lab_plugin
 from savmap.lab.scenes import Exposure
 from savmap.lab.sim.drive.views import CameraSample, Kind, sample_camera, sought_labels, view_rays
 from savmap.lab.sim.random_scene import classes_of, random_scene
@@ -27,6 +29,7 @@ from savmap.lab.sim.render.shade import Image, Mask, Renderer, antialiased, deve
 from savmap.lab.sim.render.surfaces import Indices
 from savmap.lab.sim.scene.build import build
 from savmap.lab.sim.scene.files import Scene
+from savmap.plugin.manager import load_class
 from savmap.types import Floats
 from savmap.video.image_folder import write_picture
 
@@ -169,6 +172,13 @@ def write_series(
     write_samples(folder, classes, renderer, ((names[k], *make(k)) for k in missing))
 
 
+def write_practice(folder: Path, plugin: LabPlugin, classes: Sequence[str], seed: int, count: int) -> None:
+    """Writes the pictures that a plugin's hook `practice_picture` paints, as far as a folder lacks them. `classes`:
+    those of its network, unless it says them itself. Raises PluginFailedError, and OutputError as `write_samples`."""
+    names = [f"practice-{seed}-{index:06d}" for index in range(count)]
+    write_series(folder, plugin.network_classes or classes, "practice", names, partial(plugin.practice_picture, seed))
+
+
 def series_options(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:
     """The options of a parser, with those of every data set: `count`, `seed` and `output`. Exits where they are out of
     range."""
@@ -184,11 +194,20 @@ def series_options(parser: argparse.ArgumentParser, arguments: Sequence[str] | N
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description="labelled pictures of random scenes")
-    parser.add_argument("--kind", choices=("row", "face", "close", "ceiling", "floor", "mixed"), default="mixed")
+    parser.add_argument(
+        "--kind", choices=("row", "face", "close", "ceiling", "floor", "mixed", "painted"), default="mixed"
+    )
     parser.add_argument("--classes", help="the classes to label, in the masks' order; default: the plugins'")
     parser.add_argument("--plugin", action="append", default=[], help="whose structures to add; may be repeated")
     options = series_options(parser, arguments)
     with ending_in_one_line():
+        if options.kind == "painted":
+            lab = lab_plugin(options.plugin[0]) if len(options.plugin) == 1 else None
+            if lab is None or not lab.has("practice_picture"):
+                parser.error("--kind painted goes with one --plugin, which has the hook `practice_picture`")
+            cv2.setNumThreads(1)
+            write_practice(options.output, lab, load_class(lab.name).classes, options.seed, options.count)
+            return
         scene_of = partial(random_scene, plugins=options.plugin)
         classes = options.classes.split(",") if options.classes else None
         write(options.output, options.seed, options.count, options.kind, classes, scene_of)

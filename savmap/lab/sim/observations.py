@@ -14,7 +14,6 @@ import numpy as np
 from savmap.geometry.pinhole import project
 from savmap.lab.scenes import RowFrame
 from savmap.lab.sim.drive.cart import Drive
-from savmap.lab.sim.drive.optics import Optics, seen_edges
 from savmap.types import Floats, ViewSpec
 
 Side = Literal["left", "right", "lower", "upper"]
@@ -88,19 +87,14 @@ def observe_strips(
     spec: ViewSpec,
     errors: MaskErrors,
     seed: int,
-    optics: Optics | None = None,
 ) -> Iterator[list[ObservedEdge]]:
-    """The edges of a row's strips in every frame of a drive in the view `spec`, cut from a panorama that `optics` may
-    have spoilt; the same seed gives the same."""
+    """The edges of a row's strips in every frame of a drive in the view `spec`; the same seed gives the same."""
     offsets = edge_offsets(len(strips), len(path.origins), errors, np.random.default_rng([seed, 1 << 20]))
     for index, (origin, turn) in enumerate(zip(path.origins, path.world_from_rig, strict=True)):
         rng = np.random.default_rng([seed, index])
         view_from_row = (turn @ spec.rig_from_view).T @ frame.world_from_row
         camera = frame.to_row(origin)
-        if optics is None:
-            shown = [_visible((strip.edges - camera) @ view_from_row.T, spec) for strip in strips]
-        else:
-            shown = seen_edges(np.array([strip.edges for strip in strips]), frame, path, index, spec, optics)
+        shown = [_visible((strip.edges - camera) @ view_from_row.T, spec) for strip in strips]
         masks = [
             (strip, _grown(edges, amounts))
             for strip, edges, amounts in zip(strips, shown, offsets[index], strict=True)

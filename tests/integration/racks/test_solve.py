@@ -11,6 +11,7 @@ from savmap.graph.factors.problem_factors import values_of, whole_graph
 from savmap.graph.initial.start import starts
 from savmap.graph.keys import frame_key
 from savmap.graph.measurements import ImageMeasurements
+from savmap.graph.problem import first_poses
 from savmap_shelves.constraints import GridSettings, constrain
 
 
@@ -38,12 +39,11 @@ def test_recovers_truth() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["linear", "published"])
 @pytest.mark.parametrize(("speed", "height", "distance"), [(1.3, 0.3, 1.3), (0.7, -0.3, 0.7)])
-def test_poor_start(small: made.World, kind: str, speed: float, height: float, distance: float) -> None:
+def test_poor_start(small: made.World, speed: float, height: float, distance: float) -> None:
     best = made.errors(small, made.solved(small))
     begin = made.begin(small, speed, height, distance, attitude_deg=1.0)
-    found = made.errors(small, made.solved(small, begin, options=SolveOptions(start=kind)))  # type: ignore[arg-type]
+    found = made.errors(small, made.solved(small, begin))
     np.testing.assert_allclose(found[0], best[0], atol=3e-3)
     np.testing.assert_allclose(found[1], best[1], atol=3e-3)
 
@@ -51,10 +51,10 @@ def test_poor_start(small: made.World, kind: str, speed: float, height: float, d
 def test_linear_start_is_the_better_one(small: made.World) -> None:
     problem = made.problem(small, made.begin(small, 1.3, 0.3, 1.3))
     truth = small.poses[problem.used, :3, 3]
-    linear, published = (
-        np.abs(starts(problem, kind)[0].estimate.poses[:, :3, 3] - truth).mean() for kind in ("linear", "published")
+    linear, given = (
+        np.abs(poses[:, :3, 3] - truth).mean() for poses in (starts(problem)[0].estimate.poses, first_poses(problem))
     )
-    assert linear < 0.1 < published
+    assert linear < 0.1 < given
 
 
 @pytest.mark.slow
@@ -88,7 +88,7 @@ def _inflated(problem: Problem) -> ImageMeasurements:
 
 def test_covariance_is_that_of_gtsam(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
-    estimate = starts(problem, "linear")[0].estimate
+    estimate = starts(problem)[0].estimate
     graph, values = whole_graph(problem, estimate, _inflated(problem), None), values_of(problem, estimate)
     ours = covariance(graph, values)
     theirs = gtsam.Marginals(graph, values)
@@ -103,7 +103,7 @@ def test_covariance_is_that_of_gtsam(small: made.World) -> None:
 
 def test_a_part_of_the_covariance_is_that_of_the_whole(small: made.World) -> None:
     problem = made.problem(small, made.begin(small))
-    estimate = starts(problem, "linear")[0].estimate
+    estimate = starts(problem)[0].estimate
     graph, values = whole_graph(problem, estimate, _inflated(problem), None), values_of(problem, estimate)
     asked = problem.keys[[3, 40, 7]].tolist()
     whole, part = covariance(graph, values), covariance(graph, values, only=asked)

@@ -15,8 +15,6 @@ from savmap.lab.sim.paint.noise import texture
 from savmap.lab.sim.paint.raster import Camera, camera_at
 from savmap.lab.sim.paint.shade import Painted, painted
 from savmap.lab.sim.paint.stage import Stage, Surface, Tag
-from savmap.lab.sim.paint.wardrobe import crops
-from savmap.video.image_folder import write_picture
 
 SIZE = 320, 240
 EVEN = Lighting(np.zeros((0, 3)), np.zeros(0), 1.0, 0.0, 0.0)
@@ -142,16 +140,6 @@ def test_developed_pictures_keep_to_their_exposure() -> None:
     assert dim + 40 < bright
     again = developed(linear, np.random.default_rng(4), 0.4)
     assert np.array_equal(again, developed(linear, np.random.default_rng(4), 0.4))
-
-
-def test_photographs_become_textures(tmp_path: Path) -> None:
-    write_picture(tmp_path / "stone.png", np.full((100, 90, 3), (10, 120, 200), np.uint8))
-    (tmp_path / "broken.jpg").write_bytes(b"no picture")
-    made = crops(tmp_path, 6, np.random.default_rng(0))
-    assert 0 < len(made) < 6
-    assert made[0].shape == (TILE, TILE, 4)
-    assert made[0][7, 7].tolist() == [200, 120, 10, 255]
-    assert crops(None, 6, np.random.default_rng(0)) == []
 
 
 def test_a_series_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
-"""Painted pictures of ceilings: the same from the same numbers, labelled as they are built, read by training."""
+"""Painted pictures of ceilings: the same from the same numbers, labelled as they are built."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ from savmap.lab.sim.paint.raster import Camera
 from savmap.lab.sim.paint.shade import painted
 from savmap.lab.sim.paint.stage import Stage
 from savmap.lab.sim.paint.wardrobe import Wardrobe, wardrobe_of
-from savmap.lab.train.data.dataset import read_dataset
 from savmap_lights.lab.painted.hall import TEXTURES
 from savmap_lights.lab.painted.lamps import LIGHT, Style, build_lamp, random_style
-from savmap_lights.lab.painted.pictures import CLASSES, main, picture
+from savmap_lights.lab.painted.pictures import picture
 
 ABOVE_M = 4.0
 STRAIGHT_UP = Camera(np.array([0.0, 2.0, 0.0]), np.diag([1.0, -1.0, -1.0]) @ rig_from_view(0.0, 90.0, 0.0), 70.0)
@@ -62,12 +60,6 @@ def test_a_picture_follows_from_its_numbers() -> None:
     first, again, other = picture(5, 3), picture(5, 3), picture(5, 4)
     assert all(np.array_equal(one, two) for one, two in zip(first, again, strict=True))
     assert not np.array_equal(first[0], other[0])
-
-
-def test_training_reads_the_set(tmp_path: Path) -> None:
-    main(["--count", "2", "--seed", "4", "-o", str(tmp_path)])
-    samples = read_dataset(tmp_path, CLASSES).samples
-    assert len(samples) == 2
 
 
 @pytest.mark.slow

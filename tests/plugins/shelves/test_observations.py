@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from savmap.lab.sim.drive.cart import Drive, drive
-from savmap.lab.sim.drive.optics import Optics
 from savmap.lab.sim.observations import MaskErrors, ObservedEdge
 from savmap.lab.sim.scene.build import Built, build
 from savmap.lab.sim.scene.files import Cart, Scene, parse_scene
@@ -135,44 +134,3 @@ def test_a_drive_without_disturbance_is_straight(scene_with: Callable[..., Scene
     assert (np.diff(uneven) > 0).all()
     assert np.ptp(np.diff(uneven)) > 0.05
     assert build(scene_with()).aisle_z == (0.0, 2.4)
-
-
-def ends(edges: list[ObservedEdge]) -> dict[tuple[int, Truth, str], np.ndarray]:
-    return {(e.frame, e.truth, e.side): e.pixels for e in edges if e.truth is not None}
-
-
-def spoilt(built: Built, path: Drive, optics: Optics | None) -> dict[tuple[int, Truth, str], np.ndarray]:
-    seen = observe(built, "A", path, VIEW, EXACT, 1, optics)
-    return ends([edge for frame in seen for edge in frame])
-
-
-def test_good_optics_show_what_none_show(built: Built, path: Drive) -> None:
-    plain, good = spoilt(built, path, None), spoilt(built, path, Optics())
-    both = plain.keys() & good.keys()
-    assert len(both) > 0.9 * len(plain)
-    for key in both:
-        along = plain[key][1] - plain[key][0]
-        across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
-        np.testing.assert_allclose((good[key] - plain[key][0]) @ across, 0, atol=1e-6)
-
-
-def test_a_turned_half_makes_a_step_at_the_seam() -> None:
-    """The rear half turned clockwise by a degree about the way ahead: on the left its things go up, the front's down."""
-    sides = np.radians([-80.0, -100.0])
-    rays = np.stack([np.sin(sides), np.zeros(2), np.cos(sides)], axis=1)
-    seen = Optics(turn_deg=(0.0, 0.0, 1.0)).seen(rays)
-    np.testing.assert_allclose(np.degrees(seen[:, 1]), 0.5 * np.cos(np.radians(10.0)) * np.array([-1, 1]), rtol=1e-3)
-    stretched = Optics(scales=(0.01, 0.01)).seen(rays)
-    np.testing.assert_allclose(np.degrees(np.arctan2(*stretched[:, [0, 2]].T)), [-80 / 1.01, -180 + 80 / 1.01])
-
-
-def test_rows_that_are_read_out_late_lean_in_the_direction_of_travel(built: Built, path: Drive) -> None:
-    plain, late = spoilt(built, path, Optics()), spoilt(built, path, Optics(read_out_s=0.05))
-    leans = [
-        float(np.diff((late[key] - plain[key])[:, 0])[0] / np.ptp(plain[key][:, 1]))
-        for key in plain.keys() & late.keys()
-        if key[1].label == "upright" and key[0] > 0 and np.ptp(plain[key][:, 1]) > 100
-    ]
-    assert len(leans) > 20
-    assert abs(np.median(leans)) > 1e-3
-    assert np.mean(np.sign(leans) == np.sign(np.median(leans))) > 0.9

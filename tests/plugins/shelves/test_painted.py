@@ -6,23 +6,24 @@ import numpy as np
 import pytest
 
 from savmap.geometry.pinhole import focal_px
+from savmap.lab.sim.dataset import main
 from savmap.lab.sim.paint.faces import Lighting
 from savmap.lab.sim.paint.raster import Camera, camera_at
 from savmap.lab.sim.paint.shade import painted
 from savmap.lab.sim.paint.stage import Stage
-from savmap.lab.sim.paint.wardrobe import Wardrobe
+from savmap.lab.sim.paint.wardrobe import Wardrobe, wardrobe_of
 from savmap.lab.train.data.dataset import group_of, read_dataset
 from savmap_shelves.lab.painted import pictures
-from savmap_shelves.lab.painted.pictures import CLASSES, main, picture
+from savmap_shelves.lab.painted.pictures import CLASSES, picture
 from savmap_shelves.lab.painted.racks import SIDES, Bay, Row, build_row, random_style
-from savmap_shelves.lab.painted.wardrobe import wardrobe
+from savmap_shelves.lab.painted.wardrobe import TEXTURES
 
 UPRIGHT, BEAM = 1, 2
 
 
 @pytest.fixture(scope="module")
 def clothes() -> Wardrobe:
-    return wardrobe(np.random.default_rng(1))
+    return wardrobe_of(np.random.default_rng(1), TEXTURES)
 
 
 def empty_row(clothes: Wardrobe, camera: Camera, style_seed: int, judged: bool = True) -> tuple[np.ndarray, Row]:
@@ -90,13 +91,14 @@ def test_a_number_gives_one_picture() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_what_training_reads(tmp_path: Path) -> None:
-    main(["--count", "3", "--seed", "11", "-o", str(tmp_path)])
-    before = (tmp_path / "images/painted-11-000001.jpg").stat().st_mtime_ns
-    (tmp_path / "images/painted-11-000002.jpg").unlink()
-    main(["--count", "4", "--seed", "11", "-o", str(tmp_path)])
-    assert (tmp_path / "images/painted-11-000001.jpg").stat().st_mtime_ns == before
+    painted_racks = ["--kind", "painted", "--plugin", "shelves"]
+    main([*painted_racks, "--count", "3", "--seed", "11", "-o", str(tmp_path)])
+    before = (tmp_path / "images/practice-11-000001.jpg").stat().st_mtime_ns
+    (tmp_path / "images/practice-11-000002.jpg").unlink()
+    main([*painted_racks, "--count", "4", "--seed", "11", "-o", str(tmp_path)])
+    assert (tmp_path / "images/practice-11-000001.jpg").stat().st_mtime_ns == before
     samples = read_dataset(tmp_path, CLASSES).samples
     assert len(samples) == 4
-    assert {group_of(sample.image.stem) for sample in samples} == {group_of("painted-11-000000")}
+    assert {group_of(sample.image.stem) for sample in samples} == {group_of("practice-11-000000")}
     values = {int(value) for sample in samples for value in np.unique(sample.load()[1])}
     assert {UPRIGHT, BEAM} < values <= {0, UPRIGHT, BEAM, UPRIGHT + SIDES, BEAM + SIDES, 255}

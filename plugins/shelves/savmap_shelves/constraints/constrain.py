@@ -153,8 +153,7 @@ class GridSettings:
     uprights', with its sigma. The paper puts beams and uprights on one plane: sigma 0. One pass hardly shows the
     setback: 5 mm too little make a rack seen from 1.5 m 0.3 % too low. A vertical length ends it.
 
-    `bias`: how far masks may be too wide or too narrow. `corners`: each with the covariance of its two lines, or, as
-    published, as points of 1 px; the uprights' edges then serve only where no beam ends.
+    `bias`: how far masks may be too wide or too narrow.
     """
 
     lowest_beam_bottom_height_m: Values | None = None
@@ -164,12 +163,6 @@ class GridSettings:
     bay_pitch_m: Values | None = None
     bay_pitch_sigma_m: float = 0.003
     bias: BiasSettings = NO_BIAS
-    corners: Literal["lines", "points"] = "lines"
-
-
-def published(lowest_m: float | Sequence[float] | None, sigma_m: float = 0.002) -> GridSettings:
-    """The paper's: corners as points of 1 px, beams on the uprights' plane, masks without bias."""
-    return GridSettings(lowest_m, sigma_m, beam_setback_sigma_m=0.0, bias=NO_BIAS, corners="points")
 
 
 def grid_settings(config: ShelvesSettings) -> GridSettings:
@@ -204,7 +197,7 @@ def constrain(
     grid = grid_of(tracks)
     if not grid.columns or not grid.rows:
         raise StructureError(f"row {facts.name}: no uprights with beams between them were tracked")
-    weighted, dof = _weighted(tracks, grid, facts, start, settings)
+    weighted, dof = share_edges(tracks, facts.views, start)
     observed = (*weighted, *feet)
     keys = KeySpace(plugin).keys(track.name for track in (*tracks, *feet))
     initial = _initial_grid(tracks, grid, start, settings)
@@ -229,17 +222,6 @@ def _feet(tracks: Sequence[Track], facts: RowFacts) -> list[Track]:
     feet = [track for track in tracks if is_foot(track)]
     uprights = {track.place["upright"] for track in tracks if track.label == "upright"}
     return [] if facts.sees_in_part and 2 * len(feet) < len(uprights) else feet
-
-
-def _weighted(
-    tracks: Sequence[Track], grid: TrackGrid, facts: RowFacts, start: Trajectory, settings: GridSettings
-) -> tuple[list[Track], dict[str, Floats]]:
-    """Tracks with the covariances for the solve, and what each observation is worth, as in `share_edges`."""
-    if settings.corners == "lines":
-        return share_edges(tracks, facts.views, start)
-    points = [replace(t, covariances=np.tile(np.eye(2), (len(t.frames), 1, 1))) for t in tracks if t.label == "beam"]
-    bare = {column for column, names in grid.columns.items() if not any(n.startswith("bay") for n in names)}
-    return [*points, *(t for t in tracks if t.label != "beam" and column_of(t) in bare)], {}
 
 
 def _grid_lines(grid: TrackGrid, keys: Mapping[str, int]) -> Iterator[Relation]:

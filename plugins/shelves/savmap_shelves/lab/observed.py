@@ -13,7 +13,6 @@ from savmap.geometry.lines import Lines
 from savmap.geometry.pinhole import project
 from savmap.lab.scenes import validated
 from savmap.lab.sim.drive.cart import Drive
-from savmap.lab.sim.drive.optics import Optics
 from savmap.lab.sim.observations import MaskErrors, ObservedEdge, Side, Strip, edge_offsets, observe_strips
 from savmap.lab.sim.scene.build import Built
 from savmap.types import Feature, Floats, FoundObject, ViewSpec
@@ -106,11 +105,10 @@ def observe(
     spec: ViewSpec,
     errors: MaskErrors,
     seed: int,
-    optics: Optics | None = None,
 ) -> Iterator[list[ObservedEdge]]:
     """The edges of a row's uprights and beams in every frame of a drive; see
     `savmap.lab.sim.observations.observe_strips`."""
-    return observe_strips(strips(built, row), built.frames[row], path, spec, errors, seed, optics)
+    return observe_strips(strips(built, row), built.frames[row], path, spec, errors, seed)
 
 
 def observed_parts(

@@ -1,1 +1,1 @@
-"""Where cameras are: the cart's drive, its true passes, the camera's optics, random views."""
+"""Where cameras are: the cart's drive, its true passes, random views."""

@@ -59,13 +59,20 @@ def sought_labels(built: Built, kind: Kind) -> set[str]:
 
 
 def _turn(rng: np.random.Generator, kind: Kind) -> tuple[Floats, float]:
+    """Rotation and field of view, degrees."""
     if kind == "close":
         yaw, pitch, roll = rng.uniform([-30, -50, -8], [30, 40, 8])
         return rig_from_view(float(yaw), float(pitch), float(roll)), float(rng.uniform(60, 100))
     if kind == "floor":
-        return _floor_turn(rng), float(rng.uniform(85, 120))
-    turn, widest = (_ceiling_turn(rng), 125) if kind == "ceiling" else (_row_turn(rng), 155)
-    return turn, float(rng.uniform(80, widest))
+        yaw, pitch, roll = rng.uniform([-40, -90, -8], [40, -35, 8])
+        return rig_from_view(float(yaw), float(pitch), float(roll)), float(rng.uniform(85, 120))
+    if kind == "ceiling":
+        about_up = rig_from_view(float(rng.uniform(-180, 180)), 0.0, 0.0)
+        turn = rig_from_view(0.0, float(rng.uniform(60, 120)), float(rng.uniform(-180, 180)))
+        return about_up @ turn, float(rng.uniform(80, 125))
+    yaw = rng.uniform(-35, 35) if rng.random() < 0.85 else rng.choice([-1, 1]) * rng.uniform(35, 90)
+    turn = rig_from_view(float(yaw), float(rng.uniform(-20, 20)), float(rng.uniform(-10, 10)))
+    return turn, float(rng.uniform(80, 155))
 
 
 def _fitted(rng: np.random.Generator, ends: Floats) -> tuple[Floats, float]:
@@ -75,18 +82,3 @@ def _fitted(rng: np.random.Generator, ends: Floats) -> tuple[Floats, float]:
     hfov_deg = float(np.clip(np.degrees(2 * np.arctan(tangent)), 80, 155))
     yaw, pitch, roll = rng.normal(0, [3, 2, 2])
     return rig_from_view(float(yaw), float(low + high) / 2 + float(pitch), float(roll)), hfov_deg
-
-
-def _row_turn(rng: np.random.Generator) -> Floats:
-    yaw = rng.uniform(-35, 35) if rng.random() < 0.85 else rng.choice([-1, 1]) * rng.uniform(35, 90)
-    return rig_from_view(float(yaw), float(rng.uniform(-20, 20)), float(rng.uniform(-10, 10)))
-
-
-def _floor_turn(rng: np.random.Generator) -> Floats:
-    yaw, pitch, roll = rng.uniform([-40, -90, -8], [40, -35, 8])
-    return rig_from_view(float(yaw), float(pitch), float(roll))
-
-
-def _ceiling_turn(rng: np.random.Generator) -> Floats:
-    about_up = rig_from_view(float(rng.uniform(-180, 180)), 0.0, 0.0)
-    return about_up @ rig_from_view(0.0, float(rng.uniform(60, 120)), float(rng.uniform(-180, 180)))

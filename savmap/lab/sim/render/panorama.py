@@ -2,12 +2,13 @@
 
 import signal
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any, TypeVar
 
 import av
 import cv2
@@ -21,6 +22,8 @@ from savmap.lab.sim.render.surfaces import Indices, Singles
 from savmap.lab.sim.scene.files import Cart
 from savmap.types import Floats, ViewSpec
 from savmap.video.container import local_name
+
+Made = TypeVar("Made")
 
 _BAND_PIXELS = 250_000
 _METERING_HEIGHT = 64
@@ -85,17 +88,21 @@ class _Task:
         return panorama(self.scene, origin, turn, scene.cart.width // 2, self.appearance, (scene.seed, 9, index))
 
 
-_prepared: list[_Task] = []
+_prepared: list[Callable[[int], Any]] = []
 
 
 def frames(scene: Renderer, path: Drive, workers: int) -> Iterator[Image]:
     """The drive's panoramas (width / 2, width, 3) RGB in order, at most a few of them in memory at a time."""
-    task = _Task(scene, path, _exposed(scene, path))
-    with _one_opencv_thread(), ProcessPoolExecutor(workers, initializer=_prepare, initargs=(task,)) as pool:
-        pending: deque[Future[Image]] = deque()
+    yield from in_order(_Task(scene, path, _exposed(scene, path)).frame, len(path.origins), workers)
+
+
+def in_order(work: Callable[[int], Made], count: int, workers: int) -> Iterator[Made]:
+    """What processes make of the numbers from 0 to `count`, in order, a few ahead."""
+    with _one_opencv_thread(), ProcessPoolExecutor(workers, initializer=_prepare, initargs=(work,)) as pool:
+        pending: deque[Future[Made]] = deque()
         try:
-            for index in range(len(path.origins)):
-                pending.append(pool.submit(_frame, index))
+            for index in range(count):
+                pending.append(pool.submit(_done, index))
                 if len(pending) > 2 * workers:
                     yield pending.popleft().result()
             while pending:
@@ -137,10 +144,10 @@ def _exposed(scene: Renderer, path: Drive) -> Exposure:
     return metered(scene.built.scene.look, np.concatenate(list(bands)))
 
 
-def _prepare(task: _Task) -> None:
+def _prepare(work: Callable[[int], Any]) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # what the program does then is not for its workers
-    _prepared[:] = [task]
+    _prepared[:] = [work]
 
 
-def _frame(index: int) -> Image:
-    return _prepared[0].frame(index)
+def _done(index: int) -> Any:
+    return _prepared[0](index)

@@ -1,18 +1,12 @@
-"""Pictures of ceilings and their masks, each from its number alone: `python -m savmap_lights.lab.painted --count 100 -o
-DIR`."""
+"""Pictures of ceilings and their masks, each from its number alone."""
 
-import argparse
 import math
-from collections.abc import Sequence
-from functools import lru_cache, partial
-from pathlib import Path
+from functools import lru_cache
 
-import cv2
 import numpy as np
 
-from savmap.errors import ending_in_one_line
 from savmap.geometry.pinhole import rig_from_view
-from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample, series_options, write_series
+from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample
 from savmap.lab.sim.paint.develop import developed
 from savmap.lab.sim.paint.faces import Lighting
 from savmap.lab.sim.paint.noise import Random
@@ -75,22 +69,3 @@ def _lighting(rng: Random, places: Floats) -> Lighting:
     """The lamps' own light on the roof, and light from everywhere."""
     power = np.exp(rng.uniform(math.log(0.1), math.log(12))) * rng.uniform(0.7, 1.3, len(places))
     return Lighting(places, power, float(rng.uniform(0.05, 0.9)), float(rng.uniform(0.0, 0.5)), 0.0)
-
-
-def names(seed: int, count: int) -> list[str]:
-    """The names of a series' pictures."""
-    return [f"ceiling-{seed}-{index:06d}" for index in range(count)]
-
-
-def write_pictures(folder: Path, count: int, seed: int) -> None:
-    """Write the pictures of a series that a folder lacks, as a labelled set. Raises OutputError."""
-    write_series(folder, CLASSES, "savmap.lab.sim.paint", names(seed, count), partial(picture, seed))
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description="labelled pictures of ceilings with lamps, painted: a few a second")
-    options = series_options(parser, arguments)
-    cv2.setNumThreads(1)
-    with ending_in_one_line():
-        write_pictures(options.output, options.count, options.seed)

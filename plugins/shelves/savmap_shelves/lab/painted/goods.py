@@ -52,7 +52,7 @@ def pallet(stage: Stage, wardrobe: Wardrobe, room: Room) -> float:
     rng = stage.rng
     height = float(rng.uniform(0.1, 0.16))
     kind, tint = ("crate", colour(rng)) if rng.random() < 0.15 else ("wood", _wooden(rng))
-    surface = wardrobe.photographed(rng, kind, tint, float(rng.uniform(0.6, 1.2)), 0.25)
+    surface = wardrobe.surface(rng, kind, tint, float(rng.uniform(0.6, 1.2)))
     board = float(rng.uniform(0.015, 0.028))
     w, d = room.width, room.depth
     if not room.near:
@@ -100,7 +100,7 @@ def _carton(rng: Random, wardrobe: Wardrobe) -> tuple[Surface, Surface, Surface]
     tint: Rgb = (tone, tone * float(rng.uniform(0.9, 1.02)), tone * float(rng.uniform(0.8, 1.02)))
     if rng.random() < 0.1:
         tint = colour(rng)
-    front = wardrobe.photographed(rng, "carton", tint, 0.0, 0.12)
+    front = wardrobe.surface(rng, "carton", tint, 0.0)
     side = front if rng.random() < 0.4 else wardrobe.surface(rng, "carton", tint)
     return front, side, wardrobe.surface(rng, "carton", tint)
 
@@ -139,7 +139,7 @@ def block(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
     """One thing of some material: a machine, a bale, a covered load."""
     rng = stage.rng
     kind = str(rng.choice(["plain", "cloth", "paint", "carton", "ribbed", "zinc", "wood"]))
-    front = wardrobe.photographed(rng, kind, colour(rng), 0.0, 0.35)
+    front = wardrobe.surface(rng, kind, colour(rng), 0.0)
     top = float(rng.uniform(0.3, 0.95)) * room.height
     stage.box((0, 0, -room.depth), (room.width, top, -float(rng.uniform(0, 0.1))), front)
 
@@ -161,7 +161,7 @@ _ROUND = (
 def sacks(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
     """Layers of filled sacks that bulge."""
     rng = stage.rng
-    surface = wardrobe.photographed(rng, "sack", colour(rng) if rng.random() < 0.6 else grey(rng, 0.4, 1), 0.0, 0.15)
+    surface = wardrobe.surface(rng, "sack", colour(rng) if rng.random() < 0.6 else grey(rng, 0.4, 1), 0.0)
     thick = float(rng.uniform(0.1, 0.22))
     layers = max(1, min(9, int(room.height * float(rng.uniform(0.4, 0.95)) / thick)))
     across = max(1, round(room.width / float(rng.uniform(0.4, 0.8))))
@@ -266,7 +266,7 @@ def jumble(stage: Stage, wardrobe: Wardrobe, room: Room) -> None:
             tall = size * float(rng.uniform(0.2, 1.6))
             if y + tall > room.height:
                 break
-            item = wardrobe.photographed(rng, str(rng.choice(kinds)), colour(rng), 0.0, 0.3)
+            item = wardrobe.surface(rng, str(rng.choice(kinds)), colour(rng), 0.0)
             z = -float(rng.uniform(0, 0.1))
             with stage.frame((x, y, z), float(rng.normal(0, 6)), 0.0, float(rng.normal(0, 1.5))):
                 if rng.random() < 0.15:

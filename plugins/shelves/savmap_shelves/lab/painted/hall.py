@@ -40,7 +40,7 @@ def build_hall(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
 def _floor(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     rng = stage.rng
     tint = grey(rng, 0.12, 0.8) if rng.random() < 0.8 else muted(rng)
-    surface = wardrobe.photographed(rng, "floor", tint, float(rng.uniform(1.5, 5)), 0.35)
+    surface = wardrobe.surface(rng, "floor", tint, float(rng.uniform(1.5, 5)))
     step = 4.0
     for x in np.arange(hall.left, hall.right, step):
         for z in np.arange(hall.back, hall.front, step):
@@ -58,7 +58,7 @@ def _walls(stage: Stage, wardrobe: Wardrobe, hall: Hall) -> None:
     rng = stage.rng
     kind = str(rng.choice(["plaster", "tiles", "ribbed", "decking", "plaster"]))
     tint = grey(rng, 0.03, 0.6) if rng.random() < 0.65 else muted(rng)
-    wall = wardrobe.photographed(rng, kind, tint, float(rng.uniform(0.8, 5)), 0.25)
+    wall = wardrobe.surface(rng, kind, tint, float(rng.uniform(0.8, 5)))
     width, depth, height = hall.right - hall.left, hall.front - hall.back, hall.height
     sides = (
         ((hall.left, 0.0, hall.back), (1.0, 0.0), width),

@@ -1,30 +1,24 @@
-"""Pictures of racks and their masks, each from its number alone: `python -m savmap_shelves.lab.painted --count 100 -o
-DIR`."""
+"""Pictures of racks and their masks, each from its number alone."""
 
-import argparse
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from pathlib import Path
+from functools import lru_cache
 
-import cv2
 import numpy as np
 
-from savmap.errors import ending_in_one_line
-from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample, series_options, write_series
+from savmap.lab.sim.dataset import HEIGHT, WIDTH, Sample
 from savmap.lab.sim.paint.develop import developed
 from savmap.lab.sim.paint.faces import Faces
 from savmap.lab.sim.paint.noise import Random
 from savmap.lab.sim.paint.raster import Camera, camera_at
 from savmap.lab.sim.paint.shade import Painted, painted
 from savmap.lab.sim.paint.stage import Stage
-from savmap.lab.sim.paint.wardrobe import Wardrobe
+from savmap.lab.sim.paint.wardrobe import Wardrobe, wardrobe_of
 from savmap_shelves.lab.painted import clutter
 from savmap_shelves.lab.painted.goods import Room, Storage, fill_opening, random_storage
 from savmap_shelves.lab.painted.hall import Hall, build_hall, lamps, lighting, reflections
 from savmap_shelves.lab.painted.racks import SIDES, Bay, Row, build_row, random_row, random_style
-from savmap_shelves.lab.painted.wardrobe import wardrobe
+from savmap_shelves.lab.painted.wardrobe import TEXTURES
 
 CLASSES = ("upright", "beam", "upright_side", "beam_side")
 
@@ -55,14 +49,14 @@ class View:
 
 
 @lru_cache(maxsize=2)
-def _wardrobe(seed: int, block: int, textures: Path | None) -> Wardrobe:
-    return wardrobe(np.random.default_rng([seed, block, 1]), textures)
+def _wardrobe(seed: int, block: int) -> Wardrobe:
+    return wardrobe_of(np.random.default_rng([seed, block, 1]), TEXTURES)
 
 
-def picture(seed: int, index: int, textures: Path | None = None) -> Sample:
-    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed, number and textures give the same."""
+def picture(seed: int, index: int) -> Sample:
+    """The picture of a number, RGB (480, 640, 3), and its mask; the same seed and number give the same."""
     rng = np.random.default_rng([seed, index, 2])
-    clothes = _wardrobe(seed, index // _BLOCK, textures)
+    clothes = _wardrobe(seed, index // _BLOCK)
     bare = rng.random() < _BARE_SHARE
     for _ in range(_TRIES):
         result = _attempt(Stage(rng, SIDES), clothes, bare)
@@ -198,24 +192,3 @@ def _clutter(stage: Stage, clothes: Wardrobe, view: View, count: int) -> None:
         x, z = view.x + away * math.sin(bearing), view.distance - away * math.cos(bearing)
         with stage.frame((x, 0.0, z), float(rng.uniform(-180, 180))):
             build(stage, clothes)
-
-
-def names(seed: int, count: int) -> list[str]:
-    """The names of a series' pictures."""
-    return [f"painted-{seed}-{index:06d}" for index in range(count)]
-
-
-def write_pictures(folder: Path, count: int, seed: int, textures: Path | None = None) -> None:
-    """Write the pictures of a series that a folder lacks, as a labelled set. Raises OutputError."""
-    make = partial(picture, seed, textures=textures)
-    write_series(folder, CLASSES, "savmap.lab.sim.paint", names(seed, count), make)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line."""
-    parser = argparse.ArgumentParser(description="labelled pictures of racks, painted: a few a second")
-    parser.add_argument("--textures", type=Path, help="a folder of pictures whose crops become surfaces")
-    options = series_options(parser, arguments)
-    cv2.setNumThreads(1)
-    with ending_in_one_line():
-        write_pictures(options.output, options.count, options.seed, options.textures)

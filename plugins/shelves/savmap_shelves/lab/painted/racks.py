@@ -130,7 +130,7 @@ def _decking(rng: Random, wardrobe: Wardrobe, deck: str, beams: Paint) -> Surfac
     tone = float(rng.uniform(0.2, 1.0))
     if deck == "chipboard":
         kind = str(rng.choice(["chipboard", "wood", "plain"]))
-        return wardrobe.photographed(rng, kind, (tone, tone * 0.95, tone * 0.85), float(rng.uniform(0.8, 2)))
+        return wardrobe.surface(rng, kind, (tone, tone * 0.95, tone * 0.85), float(rng.uniform(0.8, 2)))
     if rng.random() < 0.3:
         return wardrobe.surface(rng, str(rng.choice(["paint", "zinc"])), paint(rng).tint, 1.0)
     return wardrobe.surface(rng, "zinc", (tone, tone, tone), 1.0)

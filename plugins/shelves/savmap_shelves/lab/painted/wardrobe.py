@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +11,7 @@ from savmap.lab.sim.paint.atlas import TILE, Texture
 from savmap.lab.sim.paint.faces import Singles
 from savmap.lab.sim.paint.noise import Random, texture
 from savmap.lab.sim.paint.stage import Rgb
-from savmap.lab.sim.paint.wardrobe import Recipes, Wardrobe, crops, wardrobe_of
+from savmap.lab.sim.paint.wardrobe import Recipes
 
 _BANDS: tuple[tuple[Rgb, ...], ...] = (
     ((0.95, 0.75, 0.05), (0.07, 0.07, 0.07)),
@@ -20,7 +19,7 @@ _BANDS: tuple[tuple[Rgb, ...], ...] = (
     ((0.95, 0.75, 0.05), (0.95, 0.75, 0.05)),
 )
 
-_MADE: Recipes = {
+TEXTURES: Recipes = {
     "paint": (8, lambda rng: _of(materials.worn(rng, float(rng.random())))),
     "zinc": (6, lambda rng: texture(materials.galvanised(rng), 1.0)),
     "zinc_post": (
@@ -53,12 +52,6 @@ _MADE: Recipes = {
     "cloth": (4, materials.woven),
     "plain": (1, lambda rng: texture(np.ones((TILE, TILE), np.float32))),
 }
-_PHOTOGRAPHS = 40
-
-
-def wardrobe(rng: Random, photographs: Path | None = None) -> Wardrobe:
-    """New textures of all kinds; crops of a folder's photographs beside them."""
-    return wardrobe_of(rng, _MADE, crops(photographs, _PHOTOGRAPHS, rng))
 
 
 def _of(material: tuple[Singles, Singles]) -> Texture:
