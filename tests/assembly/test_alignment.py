@@ -261,7 +261,7 @@ LINES = st.fixed_dictionaries(
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.lists(POINTS, max_size=5), st.lists(LINES, max_size=2))
 def test_any_places_align_the_site_or_are_one_line(tmp_path: Path, points: list[object], lines: list[object]) -> None:
     try:
