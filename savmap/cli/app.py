@@ -21,7 +21,7 @@ class _Commands(Mapping[str, Any]):
         return iter({**COMMANDS, **of_apps()})
 
     def __len__(self) -> int:
-        return len([*self])
+        return len({**COMMANDS, **of_apps()})
 
 
 class _Group(TyperGroup):

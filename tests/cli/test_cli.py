@@ -213,6 +213,14 @@ def test_help_lists_the_commands_in_the_order_of_their_use(savmap: Savmap) -> No
     assert max(map(len, lines)) <= 80
 
 
+@pytest.mark.parametrize(("name", "near"), [("expor", "export"), ("veiw", "view"), ("nope", "")])
+def test_a_command_that_is_not_there_is_refused_with_the_nearest(name: str, near: str, savmap: Savmap) -> None:
+    ended = savmap(name)
+    assert ended.code == 2
+    assert f"No such command '{name}'" in ended.err
+    assert (f"'{near}'" in ended.err) is bool(near)
+
+
 def test_help_needs_nothing_heavy() -> None:
     code = "import sys; from savmap.cli import main; main(); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run(
