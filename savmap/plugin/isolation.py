@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any, get_origin
 
 from savmap.errors import PluginError, PluginFailedError, SavmapError
+from savmap.plugin.apps import notices
 from savmap.plugin.calls import Hook
-from savmap.plugin.manager import LoadedPlugin, notices
+from savmap.plugin.manager import LoadedPlugin
 
 log = logging.getLogger("savmap")
 _gathered: ContextVar[list[PluginFailedError] | None] = ContextVar("gathered", default=None)

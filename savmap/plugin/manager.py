@@ -2,7 +2,6 @@
 it."""
 
 import difflib
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, PackageNotFoundError, distribution, entry_points
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
 
 GROUP = "savmap.plugins"
 MIN_PIXELS = 12
-notices = logging.getLogger("savmap-plugins")
 
 
 def installed(group: str = GROUP) -> dict[str, EntryPoint]:

@@ -42,7 +42,7 @@ def compare(
     view = map_in(new).with_name(PAGE) if in_viewer else None
     comparison = compare_files(old, new, level, output, json_file, view)
     if view is not None:
-        viewed(new, fresh=True, against=old, level=level)
+        viewed(new, fresh=True, against=old, comparison=comparison)
     for line in comparison_lines(comparison):
         say(line)
     for path in filter(None, (output, json_file, view)):
