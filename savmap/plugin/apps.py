@@ -120,17 +120,22 @@ def apps() -> Mapping[str, App]:
         except (Exception, SystemExit) as error:
             notices.warning("app `%s` (%s) cannot be imported: %s", point.name, point.value, format_error(error))
             continue
-        if isinstance(app, App):
+        if isinstance(app, App) and all(isinstance(command, Command) for command in app.commands.values()):
             found_apps[point.name] = app
         else:
-            notices.warning("app `%s` (%s) is no savmap.plugin.apps.App", point.name, point.value)
+            notices.warning(
+                "app `%s` (%s) is no savmap.plugin.apps.App, or a command of it is no Command", point.name, point.value
+            )
     return found_apps
 
 
 def target_of(address: str) -> Any:
-    """What an address "module:name", or "module", names."""
+    """What an address "module:name", or "module", names. Raises PluginError where it is not there."""
     module, _, name = address.partition(":")
-    return getattr(import_module(module), name) if name else import_module(module)
+    try:
+        return getattr(import_module(module), name) if name else import_module(module)
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"`{address}`, which an app names, cannot be imported: {format_error(error)}") from error
 
 
 def viewer() -> Viewer | None:

@@ -299,7 +299,7 @@ def exporters() -> dict[str, hookspecs.Exporter]:
 
     Raises PluginError for a plugin that fails in the hook or gives something else.
     """
-    targets = {**FORMATS, **{name: target for app in apps().values() for name, target in app.formats.items()}}
+    targets = {**{name: target for app in apps().values() for name, target in app.formats.items()}, **FORMATS}
     formats: dict[str, hookspecs.Exporter] = {name: OneFrame(target) for name, target in targets.items()}
     for name, plugin_class in load_installed().classes.items():
         if implements(plugin_class, "exporters"):

@@ -31,6 +31,11 @@ INSIDE = {
     "viewer": "cli files jobs report",
 }
 """What savmap's apps import beside these: a list that is to get shorter, for others' apps cannot count on it."""
+ODD = """
+from savmap.plugin.apps import App, Command
+
+APP = App({"gone": Command("nothing:here", "Is not there."), "map": Command("nothing:here", "")}, {"csv": "nothing:here"})
+"""
 PAGE = ROOT / "docs" / "apps.md"
 BLOCK = re.compile(r"```python\n# (\S+)\n(.*?)```", re.DOTALL)
 """The files that the page shows."""
@@ -78,7 +83,8 @@ def test_the_app_that_the_page_shows(tmp_path: Path) -> None:
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: counts\nVersion: 1\n", encoding="utf-8")
     (point,) = re.findall(r'^counts = "(\S+)"$', page, re.MULTILINE)
-    points = f"[savmap.apps]\nbroken = nothing:APP\ncounts = {point}\n"
+    (tmp_path / "odd.py").write_text(ODD, encoding="utf-8")
+    points = f"[savmap.apps]\nbroken = nothing:APP\ncounts = {point}\nodd = odd:APP\n"
     (about / "entry_points.txt").write_text(points, encoding="utf-8")
     write_map(SiteMap({"A": made_up_map.row("A")}, {}), tmp_path / "map.json")
     assert "  count     Say how many structures a map has.\n" in run(tmp_path, "--help", folder=tmp_path).stdout
@@ -86,6 +92,10 @@ def test_the_app_that_the_page_shows(tmp_path: Path) -> None:
     assert counted.stdout.startswith("1 spot, 2 post, 1 bar"), counted.stderr
     assert "app `broken` (nothing:APP) cannot be imported" in counted.stderr
     assert run(tmp_path, "export", "map.json", "-o", "hall.counts", folder=tmp_path).returncode == 0
+    missing = run(tmp_path, "gone", folder=tmp_path)
+    assert missing.returncode == 5
+    assert "`nothing:here`, which an app names, cannot be imported" in missing.stderr
+    assert run(tmp_path, "export", "map.json", "-o", "a.csv", folder=tmp_path).returncode == 0, "the core's format"
     assert re.fullmatch(r"A \d+\n", (tmp_path / "hall.counts").read_text("utf-8"))
 
 
